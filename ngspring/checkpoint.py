@@ -1,0 +1,106 @@
+"""The state of a run after an accepted design update, and the folder it is kept in."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from filelock import FileLock, Timeout
+
+from ngspring.errors import DesignFileError, RunFolderError
+from ngspring.files import PathLike, read_arrays, write_arrays
+from ngspring.history import History
+from ngspring.kkt import State
+from ngspring.problem import SpringProblem
+
+VERSION = 1
+CHECKPOINT = "checkpoint.npz"
+DESIGN = "design.npz"
+HISTORY = "history.csv"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Everything needed to continue a run: last state, the one before, next dt, history."""
+
+    problem: SpringProblem
+    state: State
+    previous: State
+    dt_previous: float
+    dt: float
+    history: History
+    start: str
+
+    def save(self, path: PathLike) -> None:
+        arrays: dict[str, object] = {
+            "format": "ngspring-checkpoint",
+            "version": VERSION,
+            "problem": self.problem.to_toml(),
+            "dt": self.dt,
+            "dt_previous": self.dt_previous,
+            "start": self.start,
+            "history": self.history.values,
+            "history_columns": np.array(self.history.columns),
+        }
+        for name, state in (("state", self.state), ("previous", self.previous)):
+            for part in ("chi", "u", "lam"):
+                arrays[f"{name}_{part}"] = getattr(state, part)
+        write_arrays(path, arrays)
+
+    @classmethod
+    def load(cls, path: PathLike) -> Checkpoint:
+        """Read a checkpoint.
+
+        Raises
+        ------
+        DesignFileError
+            If the file is missing, truncated, of another version, or not a checkpoint.
+        """
+        arrays = read_arrays(path, "checkpoint", VERSION)
+        try:
+            states = [
+                State(*(arrays[f"{name}_{part}"] for part in ("chi", "u", "lam")))
+                for name in ("state", "previous")
+            ]
+            return cls(
+                problem=SpringProblem.from_toml(str(arrays["problem"])),
+                state=states[0],
+                previous=states[1],
+                dt_previous=float(arrays["dt_previous"]),
+                dt=float(arrays["dt"]),
+                history=History(tuple(map(str, arrays["history_columns"])), arrays["history"]),
+                start=str(arrays["start"]),
+            )
+        except KeyError as error:
+            raise DesignFileError(f"{path} lacks its part {error}") from None
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a run folder; it is let go when the process ends, however it ends.
+
+    Raises
+    ------
+    RunFolderError
+        If another process holds it, or the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error
+    lock = FileLock(folder / ".lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise RunFolderError(
+            f"another run is writing to {folder}: wait for it, or use another folder"
+        ) from None
+    except OSError as error:
+        raise RunFolderError(f"cannot write to {folder}: {error.strerror}") from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -1,0 +1,475 @@
+"""Pseudo-time integration of the design to an exact stationary point (2.4, 2.7).
+
+Each design update solves the coupled system by backward Euler over dt. Few Newton iterations make
+the next dt larger, a failed update is repeated with a smaller one. Once dt > 1e20 (in units of the
+paper's domain) the transient term is removed and a last update gives the exact saddle point.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+
+from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, Checkpoint, locked
+from ngspring.design import Design, equivalent_width
+from ngspring.errors import ConvergenceError, ProblemError, RunFolderError
+from ngspring.files import PathLike, write_text
+from ngspring.history import History
+from ngspring.kkt import CoupledSystem, State
+from ngspring.mechanics import Equilibrium, Mechanics, follow
+from ngspring.newton import NewtonResult, NewtonSettings, solve_update
+from ngspring.problem import SpringProblem
+from ngspring.splines import FloatArray
+from ngspring.threads import parallel
+
+logger = logging.getLogger(__name__)
+
+Start = Design | Callable[[FloatArray, FloatArray], Any]
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """How dt changes (2.7).
+
+    Parameters
+    ----------
+    few : int
+        Fewer Newton iterations than this make dt grow.
+    growth : float
+        By this factor (the paper's 2) ...
+    easy_growth : float
+        ... and by this one after ``easy`` iterations or fewer.
+    easy : int
+        See above; 0 for the paper's rule.
+    shrink : float
+        A failed update is repeated with dt divided by this.
+    end : float
+        The transient term is removed when dt exceeds this.
+    smallest : float
+        Give up below this dt. Both in units of the paper's domain, see `time_unit`.
+    """
+
+    few: int = 6
+    growth: float = 2.0
+    easy_growth: float = 5.0
+    easy: int = 3
+    shrink: float = 4.0
+    end: float = 1e20
+    smallest: float = 1e-8
+
+    def grown(self, dt: float, iterations: int) -> float:
+        if iterations <= self.easy:
+            return dt * self.easy_growth
+        return dt * self.growth if iterations < self.few else dt
+
+
+PAPER_RULE = StepRule(easy=0)
+
+
+@dataclass(frozen=True)
+class Update:
+    """What an observer gets: one design update, accepted or not.
+
+    Attributes
+    ----------
+    accepted : bool
+    row : dict
+        The new row of the history (accepted), or that of the last accepted update.
+    dt : float
+        Pseudo-time step that was tried.
+    reason : str
+        Why a rejected update failed.
+    design : Design
+        The last accepted design.
+    """
+
+    accepted: bool
+    row: dict[str, float]
+    dt: float
+    reason: str
+    design: Design
+
+
+Observer = Callable[[Update], None]
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of `optimize`.
+
+    Attributes
+    ----------
+    design : Design
+        The last accepted design, with its history.
+    history : History
+    q : array
+        Reaction forces at the control points in N.
+    converged : bool
+        Whether the final step without transient term was reached.
+    message : str
+        Why not, if not.
+    """
+
+    design: Design
+    history: History
+    q: FloatArray
+    converged: bool
+    message: str
+
+
+def time_unit(problem: SpringProblem) -> float:
+    """Size of the domain's volume relative to the paper's 10^4 mm^3; pseudo-time scales with it."""
+    if problem.axisymmetric:
+        return float(np.pi * (problem.L / 2) ** 2 * problem.H / 1e4)
+    return problem.L * problem.H * problem.T / 1e4
+
+
+def start_design(problem: SpringProblem, initial: Start | None) -> Design:
+    """The design to start from: `Design.column` by default."""
+    if initial is None:
+        return Design.column(problem)
+    if isinstance(initial, Design):
+        return initial.with_problem(problem)
+    if callable(initial):
+        return Design.from_function(problem, initial)
+    raise ProblemError(f"initial = {initial!r} is neither a Design nor a function f(x, y)")
+
+
+def equilibria(
+    system: CoupledSystem, chi: FloatArray
+) -> tuple[list[Mechanics], list[Equilibrium]]:
+    """Forward solution at every control point from the undeformed state (chi: coefficients).
+
+    Raises
+    ------
+    ConvergenceError
+        If a load path ends before its control point.
+    """
+    full = system.extraction_chi @ chi
+    mechanics: dict[float, Mechanics] = {}
+    reached: dict[tuple[float, float], Equilibrium] = {}
+    for eta in dict.fromkeys(point.eta for point in system.points):
+        body = Mechanics(system.scalar, full, eta, system.solver, system.threads)
+        mechanics[eta] = body
+        for sign in (1.0, -1.0):
+            targets = sorted(
+                {p.d for p in system.points if p.eta == eta and p.d * sign > 0}, key=abs
+            )
+            path, message = follow(body, np.array(targets))
+            if message:
+                raise ConvergenceError(message)
+            for equilibrium in path:
+                reached[eta, equilibrium.d] = equilibrium
+    bodies = [mechanics[point.eta] for point in system.points]
+    return bodies, [reached[point.eta, point.d] for point in system.points]
+
+
+def initial_state(system: CoupledSystem, design: Design) -> State:
+    """Equilibrium (Eq. 4) and adjoint (Eq. 7) states of a design.
+
+    Raises
+    ------
+    ConvergenceError
+        If a load path ends before its control point.
+    """
+    chi = design.coefficients.ravel()
+    bodies, points = equilibria(system, chi)
+    lam = [
+        body.adjoint(equilibrium, control.weight * (equilibrium.q - control.q))
+        for body, equilibrium, control in zip(bodies, points, system.points, strict=True)
+    ]
+    return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
+
+
+def optimize(
+    problem: SpringProblem,
+    initial: Start | None = None,
+    dt_initial: float | None = None,
+    max_updates: int | None = None,
+    out: PathLike | None = None,
+    observers: Sequence[Observer] = (),
+    *,
+    resume: bool = False,
+    threads: int | None = None,
+    solver: str = "auto",
+    rule: StepRule | None = None,
+    newton: NewtonSettings | None = None,
+    start_name: str | None = None,
+) -> Result:
+    """Evolve a design until it is an exact stationary point of C* (Eq. 5).
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    initial : Design or function f(x, y), optional
+        Start; `Design.column` by default. A design of another mesh is interpolated.
+    dt_initial : float, optional
+        First pseudo-time step; 1 (times `time_unit`) by default.
+    max_updates : int, optional
+        Stop after this many design updates in all.
+    out : path, optional
+        Run folder: a checkpoint after every accepted update, at the end ``design.npz`` and
+        ``history.csv``.
+    observers : sequence of callables
+        Called with an `Update` after every accepted or rejected update.
+    resume : bool
+        Continue the run in ``out``; a finished one is returned as it is.
+    threads : int, optional
+        All available ones by default.
+    solver : str
+        See `ngspring.linear.make_factorization`.
+    rule, newton : optional
+        Step rule and Newton settings.
+    start_name : str, optional
+        Name of the start for the design's notes.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    RunFolderError
+        If ``out`` holds a run already (and not ``resume``), another problem's run, is in use, or
+        cannot be written.
+    ConvergenceError
+        If the initial design's load paths cannot be followed to the control points.
+    ProblemError
+        If an argument is not valid.
+    """
+    if dt_initial is not None and not 0 < dt_initial < np.inf:
+        raise ProblemError(f"dt_initial = {dt_initial!r} must be a positive number")
+    if max_updates is not None and max_updates < 1:
+        raise ProblemError(f"max_updates = {max_updates!r} must be 1 or more")
+    if threads is not None and threads < 1:
+        raise ProblemError(f"threads = {threads!r} must be 1 or more")
+    if resume and out is None:
+        raise ProblemError("resume needs the run folder, out")
+    run = _Run(problem, rule or StepRule(), newton or NewtonSettings(), tuple(observers))
+    run.max_updates = max_updates
+    if out is None:
+        with parallel(threads) as count:
+            run.begin(initial, dt_initial, start_name, solver, count)
+            return run.loop()
+    folder = Path(out)
+    with locked(folder):
+        checkpoint = _checkpoint_of(folder, problem, resume)
+        if checkpoint is not None and checkpoint.dt == np.inf and run.finished(checkpoint):
+            run.restore(checkpoint)
+            run.folder = folder
+            run.write()
+            return run.result(True, "")
+        with parallel(threads) as count:
+            run.folder = folder
+            if checkpoint is None:
+                run.begin(initial, dt_initial, start_name, solver, count)
+            else:
+                run.restore(checkpoint)
+                run.system = CoupledSystem(problem, solver, count)
+            try:
+                return run.loop()
+            except KeyboardInterrupt:
+                run.write()
+                raise
+
+
+def _checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
+    path = folder / CHECKPOINT
+    if not path.exists():
+        if (folder / DESIGN).exists() and not resume:
+            raise RunFolderError(f"{folder} holds a design already: choose another folder")
+        return None
+    if not resume:
+        raise RunFolderError(
+            f"{folder} holds a run already: resume it (--resume) or choose another folder"
+        )
+    checkpoint = Checkpoint.load(path)
+    if checkpoint.problem != problem:
+        raise RunFolderError(
+            f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
+            f" {checkpoint.problem.elements} elements): choose another folder"
+        )
+    return checkpoint
+
+
+class _Run:
+    """One evolution: what lives across design updates."""
+
+    def __init__(
+        self,
+        problem: SpringProblem,
+        rule: StepRule,
+        newton: NewtonSettings,
+        observers: tuple[Observer, ...],
+    ) -> None:
+        self.problem = problem
+        self.rule = rule
+        self.newton = newton
+        self.observers = observers
+        self.unit = time_unit(problem)
+        self.folder: Path | None = None
+        self.max_updates: int | None = None
+        self.system: CoupledSystem | None = None
+        self.rows: list[dict[str, float]] = []
+        self.seconds_before = 0.0
+        self.clock = time.perf_counter()
+
+    # -- beginning ---------------------------------------------------------------------------------
+
+    def begin(
+        self,
+        initial: Start | None,
+        dt_initial: float | None,
+        start_name: str | None,
+        solver: str,
+        threads: int,
+    ) -> None:
+        design = start_design(self.problem, initial)
+        self.start = start_name or ("column" if initial is None else "given")
+        self.system = CoupledSystem(self.problem, solver, threads)
+        self.state = initial_state(self.system, design)
+        self.previous, self.dt_previous = self.state, 0.0
+        self.dt = self.unit if dt_initial is None else dt_initial
+        self.rows = [self._row(0.0, 0, 0, 0)]
+        self._save()
+        self._tell(True, self.dt, "")
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        self.state, self.previous = checkpoint.state, checkpoint.previous
+        self.dt, self.dt_previous = checkpoint.dt, checkpoint.dt_previous
+        self.rows = checkpoint.history.rows()
+        self.start = checkpoint.start
+        self.seconds_before = self.rows[-1]["seconds"]
+
+    def finished(self, checkpoint: Checkpoint) -> bool:
+        return bool(np.isinf(checkpoint.history.last()["dt"]))
+
+    # -- loop --------------------------------------------------------------------------------------
+
+    def loop(self) -> Result:
+        rejected = rejected_iterations = 0
+        end = self.rule.end * self.unit
+        while True:
+            if self.max_updates is not None and len(self.rows) > self.max_updates:
+                self.write()
+                message = f"stopped after {self.max_updates} design updates, as asked"
+                return self.result(False, message)
+            dt = np.inf if self.dt > end else self.dt
+            outcome = self._update(dt)
+            if outcome.converged:
+                self.previous, self.dt_previous = self.state, dt
+                self.state = outcome.state
+                self.rows.append(
+                    self._row(dt, outcome.iterations, rejected, rejected_iterations)
+                )
+                rejected = rejected_iterations = 0
+                self.dt = self.rule.grown(dt, outcome.iterations)
+                self._save()
+                self._tell(True, dt, "")
+                if np.isinf(dt):
+                    self.write()
+                    return self.result(True, "")
+                continue
+            rejected += 1
+            rejected_iterations += outcome.iterations
+            self._tell(False, dt, outcome.reason)
+            self.dt = min(self.dt, end) / self.rule.shrink
+            if self.dt < self.rule.smallest * self.unit:
+                self.write()
+                message = f"dt fell below {self.dt:.1e}: {outcome.reason}"
+                return self.result(False, message)
+
+    def _update(self, dt: float) -> NewtonResult:
+        assert self.system is not None
+        return solve_update(self.system, self.state, self.state.chi, dt, self.newton)
+
+    def _row(
+        self, dt: float, iterations: int, rejected: int, rejected_iterations: int
+    ) -> dict[str, float]:
+        assert self.system is not None
+        terms = self.system.terms(self.state)
+        seconds = self.seconds_before + time.perf_counter() - self.clock
+        return {
+            "update": float(len(self.rows)),
+            "dt": dt,
+            "newton_iterations": float(iterations),
+            "rejected": float(rejected),
+            "rejected_iterations": float(rejected_iterations),
+            **{name: terms[name] for name in ("C", "volume", "interface", "curvature")},
+            **{name: value for name, value in terms.items() if name.startswith("C_q")},
+            **{name: value for name, value in terms.items() if name[0] == "q"},
+            "V": terms["V"],
+            "width": equivalent_width(self.problem, terms["V"]) / self.problem.H,
+            "seconds": seconds,
+        }
+
+    # -- output ------------------------------------------------------------------------------------
+
+    @property
+    def history(self) -> History:
+        return History.from_rows(self.rows)
+
+    def design(self) -> Design:
+        info = {
+            "start": self.start,
+            "q": [float(value) for value in self.state.forces(self.problem)],
+            "converged": bool(np.isinf(self.rows[-1]["dt"])),
+            "ngsolve": ng.__version__,
+        }
+        shape = self.problem.coefficient_shape
+        return Design(self.problem, self.state.chi.reshape(shape), self.history, info)
+
+    def result(self, converged: bool, message: str) -> Result:
+        design = self.design()
+        assert design.history is not None
+        q = self.state.forces(self.problem)
+        return Result(design, design.history, q, converged, message)
+
+    def write(self) -> None:
+        """Write the last accepted design and the history into the run folder."""
+        if self.folder is None or not self.rows:
+            return
+        self.design().save(self.folder / DESIGN)
+        write_text(self.folder / HISTORY, self.history.to_csv())
+
+    def _save(self) -> None:
+        if self.folder is None:
+            return
+        checkpoint = Checkpoint(
+            self.problem,
+            self.state,
+            self.previous,
+            self.dt_previous,
+            self.dt,
+            self.history,
+            self.start,
+        )
+        checkpoint.save(self.folder / CHECKPOINT)
+
+    def _tell(self, accepted: bool, dt: float, reason: str) -> None:
+        row = self.rows[-1]
+        if accepted:
+            logger.info("update %d: dt %.1e, C %.6e", row["update"], dt, row["C"])
+        else:
+            logger.info("dt %.1e rejected: %s", dt, reason)
+        update = Update(accepted, dict(row), dt, reason, self.design())
+        for observer in self.observers:
+            observer(update)
+
+
+__all__ = [
+    "PAPER_RULE",
+    "ConvergenceError",
+    "Observer",
+    "Result",
+    "StepRule",
+    "Update",
+    "optimize",
+]

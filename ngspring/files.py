@@ -1,0 +1,113 @@
+"""Files that are either complete or not there: written beside their place, then renamed."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ngspring.errors import DesignFileError, RunFolderError
+
+PathLike = str | os.PathLike[str]
+
+
+@contextlib.contextmanager
+def replacing(path: PathLike) -> Iterator[Path]:
+    """A temporary name in the folder of ``path`` that takes its place if the block succeeds.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be written (no permission, no space left, folder missing).
+    """
+    path = Path(path)
+    try:
+        handle, name = tempfile.mkstemp(
+            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
+        )
+        os.close(handle)
+    except OSError as error:
+        raise RunFolderError(f"cannot write {path}: {error.strerror}") from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: PathLike, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
+    """Write named arrays as one compressed .npz, atomically and without pickle."""
+    buffer = io.BytesIO()
+    converted = {name: np.asarray(value) for name, value in arrays.items()}
+    for name, value in converted.items():
+        if value.dtype.hasobject:
+            raise TypeError(f"{name} would need pickle")
+    np.savez_compressed(buffer, **converted)
+    with replacing(path) as temporary:
+        temporary.write_bytes(buffer.getvalue())
+
+
+def read_arrays(path: PathLike, kind: str, version: int) -> dict[str, NDArray[Any]]:
+    """Read what `write_arrays` wrote, checking its format name and version.
+
+    Raises
+    ------
+    DesignFileError
+        If the file is missing, truncated, of another kind or of another version.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            if not isinstance(file, np.lib.npyio.NpzFile) or "format" not in file.files:
+                raise DesignFileError(f"{path} is not a {kind} file of ngspring")
+            arrays = {name: file[name] for name in file.files}
+    except DesignFileError:
+        raise
+    except FileNotFoundError:
+        raise DesignFileError(f"there is no file {path}") from None
+    except IsADirectoryError:
+        raise DesignFileError(f"{path} is a folder, not a {kind} file") from None
+    except OSError as error:
+        raise DesignFileError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, EOFError, BadZipFile, KeyError, NotImplementedError, AttributeError):
+        raise DesignFileError(
+            f"{path} is not a {kind} file of ngspring, or it is truncated"
+        ) from None
+    except Exception as error:
+        # zipfile and zlib raise many kinds of errors on damaged archives.
+        raise DesignFileError(f"{path} is damaged: {error}") from error
+    found = str(arrays["format"])
+    if found != f"ngspring-{kind}":
+        raise DesignFileError(f"{path} is not a {kind} file of ngspring: its format is {found!r}")
+    try:
+        number = int(arrays["version"])
+    except (KeyError, TypeError, ValueError):
+        raise DesignFileError(f"{path} has no valid version number") from None
+    if number != version:
+        raise DesignFileError(
+            f"{path} has version {number} of the {kind} format, but this ngspring reads"
+            f" version {version}: {'update ngspring' if number > version else 'make it anew'}"
+        )
+    return arrays

@@ -1,0 +1,452 @@
+"""The coupled Newton system of Eqs. 4, 7 and 8 on the independent unknowns.
+
+Unknowns are the spline coefficients of chi, and for each control point the free displacements u
+and multipliers lam (with lam_Ty last, which stands for q, see `State`). Each control point couples
+to chi only, so the matrix is arrow-shaped. With ``u = a + b``, ``lam = s (a - b)`` the blocks of
+a control point, ``[[B, K], [K, 0]]``, become ``[[B + 2 s K, B], [B, B - 2 s K]]``: definite on
+either side while K is, so that a symmetric factorisation needs no pivoting (design notes, 5).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+
+from ngspring.lagrangian import ControlPointForm, DesignForm, csr_pattern, form_matrix
+from ngspring.linear import Factorization, make_factorization
+from ngspring.problem import SpringProblem
+from ngspring.reduction import Pattern, product_map, product_pattern
+from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
+from ngspring.splines import FloatArray, IntArray
+
+
+class LinearSolveError(ArithmeticError):
+    """A linear system could not be solved to a usable accuracy; the Newton step has failed."""
+
+
+@dataclass
+class State:
+    """All unknowns of the coupled system.
+
+    Attributes
+    ----------
+    chi : array (coefficients,)
+        Spline coefficients, flattened.
+    u : array (control points, free)
+        Free displacements in mm.
+    lam : array (control points, free + 1)
+        Adjoint displacements in mm N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
+    """
+
+    chi: FloatArray
+    u: FloatArray
+    lam: FloatArray
+
+    def copy(self) -> State:
+        return State(self.chi.copy(), self.u.copy(), self.lam.copy())
+
+    def forces(self, problem: SpringProblem) -> FloatArray:
+        """Reaction forces q_j in N."""
+        points = problem.control_points
+        target = np.array([point.q for point in points])
+        return target + self.lam[:, -1] / np.array([point.weight for point in points])
+
+
+@dataclass
+class Residual:
+    """Left-hand sides of Eq. 8 (chi), Eq. 7 (adjoint, u) and Eq. 4 (equilibrium, lam).
+
+    ``chi_terms`` holds the norms of the terms that make up ``chi``: what it is small against.
+    """
+
+    chi: FloatArray
+    u: FloatArray
+    lam: FloatArray
+    chi_terms: dict[str, float]
+
+    @property
+    def finite(self) -> bool:
+        return all(bool(np.isfinite(a).all()) for a in (self.chi, self.u, self.lam))
+
+
+@dataclass
+class Timings:
+    """Seconds spent, summed since the last `reset`."""
+
+    assembly: float = 0.0
+    reduction: float = 0.0
+    factorisation: float = 0.0
+    solve: float = 0.0
+    residual: float = 0.0
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, start: float) -> float:
+        now = time.perf_counter()
+        setattr(self, name, getattr(self, name) + now - start)
+        self.counts[name] = self.counts.get(name, 0) + 1
+        return now
+
+
+class CoupledSystem:
+    """Residual, exact tangent and solution of the coupled system.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    solver : str
+        Linear solver, see `ngspring.linear.make_factorization`.
+    threads : int
+        Threads of the factorisation; NGSolve's own are set by `ngspring.threads.parallel`.
+    """
+
+    #: s in lam = s (a - b), in N^-1
+    SCALE = 1.0
+
+    def __init__(self, problem: SpringProblem, solver: str = "auto", threads: int = 1) -> None:
+        self.problem = problem
+        self.solver = solver
+        self.threads = threads
+        self.grid = Grid(problem)
+        self.scalar = ScalarSpace(self.grid)
+        self.extraction_chi = spline_extraction(self.scalar)
+        self.displacement = displacement_extraction(self.scalar)
+        self.extraction_u = self.displacement.matrix
+        self._transposed_chi = self.extraction_chi.T.tocsr()
+        self._transposed_u = self.extraction_u.T.tocsr()
+        self.control_point = ControlPointForm(self.scalar)
+        self.design = DesignForm(self.scalar)
+        self._transient = form_matrix(self.design.transient)
+        self.timings = Timings()
+        self.coefficients = self.extraction_chi.shape[1]
+        self.free = self.extraction_u.shape[1] - 1
+        self.points = problem.control_points
+        self._weights = np.array([point.weight for point in self.points])
+        self._targets = np.array([point.q for point in self.points])
+        self._chi_unit = 1.0
+        self._maps: _Maps | None = None
+        self._factorization: Factorization | None = None
+
+    # -- vectors ---------------------------------------------------------------------------------
+
+    def control_point_vector(self, state: State, j: int) -> FloatArray:
+        """Dofs of the compound space (chi, u_j, lam_j)."""
+        u = np.append(state.u[j], self.points[j].d)
+        return np.concatenate(
+            [
+                self.extraction_chi @ state.chi,
+                self.extraction_u @ u,
+                self.extraction_u @ state.lam[j],
+            ]
+        )
+
+    def residual(self, state: State, chi_old: FloatArray, dt: float) -> Residual:
+        """Eqs. 8, 7 and 4 at a state; ``dt = inf`` leaves the transient term out."""
+        start = time.perf_counter()
+        n = self.scalar.ndof
+        terms: dict[str, FloatArray] = {}
+        with np.errstate(all="ignore"):
+            full = self.extraction_chi @ state.chi
+            for name in self.design.terms:
+                terms[name] = self._transposed_chi @ self.design.gradient(full, name)
+            if np.isfinite(dt):
+                change = self.extraction_chi @ (state.chi - chi_old)
+                terms["transient"] = (
+                    self._transposed_chi @ (self._transient @ change)
+                ) / dt
+            u = np.empty_like(state.u)
+            lam = np.empty_like(state.lam)
+            for j, point in enumerate(self.points):
+                vector = self.control_point_vector(state, j)
+                result = self.control_point.residual(vector, point.eta)
+                terms[f"control point {j}"] = self._transposed_chi @ result[:n]
+                u[j] = (self._transposed_u @ result[n : 3 * n])[:-1]
+                lam[j] = self._transposed_u @ result[3 * n :]
+            lam[:, -1] -= self._targets + state.lam[:, -1] / self._weights
+        chi = sum(terms.values(), np.zeros(self.coefficients))
+        norms = {name: float(np.linalg.norm(term)) for name, term in terms.items()}
+        self.timings.add("residual", start)
+        return Residual(chi, u, lam, norms)
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Objective C with its terms (no transient one), each C_q, each q, and the volume V."""
+        values = self.design.values(self.extraction_chi @ state.chi)
+        forces = state.forces(self.problem)
+        each = self._weights / 2 * (forces - self._targets) ** 2
+        for j, value in enumerate(each):
+            values[f"C_q{j + 1}"] = float(value)
+        for j, force in enumerate(forces):
+            values[f"q{j + 1}"] = float(force)
+        design = values["volume"] + values["interface"] + values["curvature"]
+        values["C"] = float(each.sum()) + design
+        return values
+
+    # -- matrix ----------------------------------------------------------------------------------
+
+    def assemble(self, state: State, dt: float) -> None:
+        """Assemble the Newton matrix at a state and factorise it.
+
+        Raises
+        ------
+        LinearSolveError
+            If an entry is not finite, or the factorisation breaks down.
+        """
+        maps = self._maps
+        if maps is None:
+            maps = self._maps = _Maps(self, state)
+        start = time.perf_counter()
+        s = self.SCALE
+        chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
+        pieces: list[FloatArray] = [chi_chi]
+        # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
+        diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
+        t = self._chi_unit = float(1 / np.sqrt(diagonal)) if 0 < diagonal < np.inf else 1.0
+        for j, point in enumerate(self.points):
+            vector = self.control_point_vector(state, j)
+            values, void = self.control_point.tangent(vector, point.eta)
+            start = self.timings.add("assembly", start)
+            block = maps.reduce(values, void)
+            chi_chi += block["chi_chi"]
+            bb, kk = block["u_u"], block["u_lam"]
+            inner, inner_lower = maps.inner, maps.inner_lower
+            pieces += [
+                t * (block["chi_u"] + s * block["chi_lam"][maps.chi_inner]),
+                t * (block["chi_u"] - s * block["chi_lam"][maps.chi_inner]),
+                (bb + 2 * s * kk[inner])[inner_lower],
+                bb,
+                (bb - 2 * s * kk[inner])[inner_lower],
+                t * block["chi_lam"][maps.chi_top],
+                kk[maps.top],
+                kk[maps.top],
+                np.array([-1.0 / point.weight]),
+            ]
+            start = self.timings.add("reduction", start)
+        pieces[0] = t**2 * chi_chi[maps.chi_lower]
+        values = np.concatenate(pieces)[maps.order]
+        if not np.isfinite(values).all():
+            raise LinearSolveError("the Newton matrix has entries that are not finite")
+        maps.lower.data = values
+        start = self.timings.add("reduction", start)
+        if self._factorization is None:
+            self._factorization = make_factorization(maps.lower, self.solver, self.threads)
+        try:
+            self._factorization.factorize(values)
+        except Exception as error:
+            raise LinearSolveError(f"the factorisation failed: {error}") from error
+        self.timings.add("factorisation", start)
+
+    @property
+    def unknowns(self) -> int:
+        return self.coefficients + len(self.points) * (2 * self.free + 1)
+
+    @property
+    def nonzeros(self) -> int:
+        """Stored entries of the lower triangle."""
+        return 0 if self._maps is None else int(self._maps.lower.nnz)
+
+    @property
+    def negative_eigenvalues(self) -> int | None:
+        """Of the last factorised matrix; a saddle of the right kind has free + 1 per point."""
+        return None if self._factorization is None else self._factorization.negative_eigenvalues
+
+    # -- solution --------------------------------------------------------------------------------
+
+    def _multiply(self, x: FloatArray) -> FloatArray:
+        assert self._maps is not None
+        lower = self._maps.lower
+        return np.asarray(lower @ x + lower.T @ x - self._maps.diagonal() * x)
+
+    def _pack(self, residual: Residual) -> FloatArray:
+        s = self.SCALE
+        parts = [self._chi_unit * residual.chi]
+        for u, lam in zip(residual.u, residual.lam, strict=True):
+            parts += [u + s * lam[:-1], u - s * lam[:-1], lam[-1:]]
+        return np.concatenate(parts)
+
+    def _unpack(self, x: FloatArray) -> State:
+        s, n, nc = self.SCALE, self.free, self.coefficients
+        blocks = x[nc:].reshape(len(self.points), 2 * n + 1)
+        a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
+        return State(self._chi_unit * x[:nc], a + b, np.hstack([s * (a - b), top]))
+
+    def _block_norms(self, packed: FloatArray) -> FloatArray:
+        n, nc, s = self.free, self.coefficients, self.SCALE
+        blocks = packed[nc:].reshape(len(self.points), 2 * n + 1)
+        plus, minus = blocks[:, :n], blocks[:, n : 2 * n]
+        adjoint, equilibrium = (plus + minus) / 2, (plus - minus) / (2 * s)
+        return np.concatenate(
+            [
+                [np.linalg.norm(packed[:nc])],
+                np.linalg.norm(adjoint, axis=1),
+                np.linalg.norm(np.hstack([equilibrium, blocks[:, 2 * n :]]), axis=1),
+            ]
+        )
+
+    def solve(self, residual: Residual, refinements: int = 3) -> State:
+        """Newton update ``-matrix^-1 residual``, refined until every block is solved.
+
+        The chi rows are about 1e-8 of the mechanical ones, so the linear residual is judged block
+        by block (chi, and for each control point adjoint and equilibrium).
+
+        Raises
+        ------
+        LinearSolveError
+            If the linear residual stays above 1e-3 of its block.
+        """
+        start = time.perf_counter()
+        assert self._factorization is not None
+        rhs = -self._pack(residual)
+        scale = np.maximum(self._block_norms(rhs), 1e-300)
+        x = self._factorization.solve(rhs)
+        remaining = rhs - self._multiply(x)
+        error = self._block_norms(remaining) / scale
+        for _ in range(refinements):
+            if not np.isfinite(error).all() or error.max() < 1e-9:
+                break
+            trial = x + self._factorization.solve(remaining)
+            trial_remaining = rhs - self._multiply(trial)
+            trial_error = self._block_norms(trial_remaining) / scale
+            if not trial_error.max() < 0.5 * error.max():
+                break
+            x, remaining, error = trial, trial_remaining, trial_error
+        self.timings.add("solve", start)
+        if not np.isfinite(error).all():
+            raise LinearSolveError("the linear solution is not finite")
+        if error.max() > 1e-3:
+            # A block whose right-hand side is pure rounding cannot be solved any better.
+            lower = abs(self._maps.lower) if self._maps else None
+            size = lower @ abs(x) + lower.T @ abs(x)
+            rounding = self._block_norms(remaining) / np.maximum(self._block_norms(size), 1e-300)
+            if rounding[error > 1e-3].max() > 1e-10:
+                raise LinearSolveError(f"linear residual {error.max():.1e} of its block")
+        self.linear_error = float(error.max())
+        return self._unpack(x)
+
+
+class _Maps:
+    """Patterns and index maps from NGSolve's stored values to the lower triangle of the system."""
+
+    def __init__(self, system: CoupledSystem, state: State) -> None:
+        form, design, scalar = system.control_point, system.design, system.scalar
+        vector = system.control_point_vector(state, 0)
+        form.tangent(vector, 0.0)
+        design.tangent_nonlinear(vector[: scalar.ndof])
+        n, nc, free = scalar.ndof, system.coefficients, system.free
+        chi, u = system.extraction_chi, system.extraction_u
+        inner_u = u[:, :free].tocsr()
+        rows, columns = csr_pattern(form.form)
+        block_row = np.searchsorted([n, 3 * n], rows, side="right")
+        block_column = np.searchsorted([n, 3 * n], columns, side="right")
+        table = form.void.table.dofs
+        void_rows, void_columns = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        both_rows = np.concatenate([void_rows, void_rows + n])
+        both_columns = np.concatenate([void_columns, void_columns + n])
+        chi_rows = np.concatenate([void_rows, void_rows])
+
+        self._entries: dict[str, IntArray] = {}
+        self._maps: dict[str, sp.csr_matrix] = {}
+        self._void_maps: dict[str, sp.csr_matrix] = {}
+        self.patterns: dict[str, Pattern] = {}
+
+        def add(
+            name: str,
+            blocks: tuple[int, int],
+            left: sp.csr_matrix,
+            right: sp.csr_matrix,
+            void_entries: tuple[IntArray, IntArray] | None,
+        ) -> None:
+            entries = np.flatnonzero((block_row == blocks[0]) & (block_column == blocks[1]))
+            r = rows[entries] - (0, n, 3 * n)[blocks[0]]
+            c = columns[entries] - (0, n, 3 * n)[blocks[1]]
+            pattern = product_pattern(r, c, left, right)
+            self.patterns[name] = pattern
+            self._entries[name] = entries
+            self._maps[name] = product_map(r, c, left, right, pattern)
+            if void_entries is not None:
+                self._void_maps[name] = product_map(*void_entries, left, right, pattern)
+
+        add("chi_chi", (0, 0), chi, chi, (void_rows, void_columns))
+        add("chi_u", (0, 1), chi, inner_u, (chi_rows, both_columns))
+        add("chi_lam", (0, 2), chi, u, (chi_rows, both_columns))
+        add("u_u", (1, 1), inner_u, inner_u, None)
+        add("u_lam", (1, 2), u, u, (both_rows, both_columns))
+
+        design_rows, design_columns = csr_pattern(design.nonlinear)
+        pattern = self.patterns["chi_chi"]
+        self._design_map = product_map(design_rows, design_columns, chi, chi, pattern)
+
+        def quadratic(form: object) -> FloatArray:
+            r, c = csr_pattern(form)
+            values = form.mat.AsVector().FV().NumPy()  # type: ignore[attr-defined]
+            return np.asarray(product_map(r, c, chi, chi, pattern) @ values)
+
+        self._transient = quadratic(design.transient)
+        self._curvature = quadratic(design.terms["curvature"])
+        self._arrange(system, nc, free)
+
+    def _arrange(self, system: CoupledSystem, nc: int, free: int) -> None:
+        """Where each block's values go in the lower triangle of the whole."""
+        top_column = self.patterns["chi_lam"].columns == free
+        self.chi_top = np.flatnonzero(top_column)
+        chi_inner = np.flatnonzero(~top_column)
+        chi_u, chi_lam = self.patterns["chi_u"], self.patterns["chi_lam"]
+        if not (
+            np.array_equal(chi_lam.rows[chi_inner], chi_u.rows)
+            and np.array_equal(chi_lam.columns[chi_inner], chi_u.columns)
+        ):
+            raise AssertionError("the patterns of u and lam differ")
+        self.chi_inner = chi_inner
+        uu, ul = self.patterns["u_u"], self.patterns["u_lam"]
+        self.inner = np.flatnonzero((ul.rows < free) & (ul.columns < free))
+        self.inner_lower = np.flatnonzero(uu.columns <= uu.rows)
+        self.top = np.flatnonzero((ul.rows == free) & (ul.columns < free))
+        cc = self.patterns["chi_chi"]
+        self.chi_diagonal = np.flatnonzero(cc.columns == cc.rows)
+        self.chi_lower = np.flatnonzero(cc.columns <= cc.rows)
+
+        rows = [cc.rows[self.chi_lower]]
+        columns = [cc.columns[self.chi_lower]]
+        for j in range(len(system.points)):
+            a = nc + j * (2 * free + 1)
+            b, top = a + free, a + 2 * free
+            lower = self.inner_lower
+            top_only = np.full(len(self.top), top)
+            rows += [chi_u.columns + a, chi_u.columns + b, uu.rows[lower] + a, uu.rows + b]
+            columns += [chi_u.rows, chi_u.rows, uu.columns[lower] + a, uu.columns + a]
+            rows += [uu.rows[lower] + b, np.full(len(self.chi_top), top), top_only, top_only]
+            columns += [uu.columns[lower] + b, chi_lam.rows[self.chi_top]]
+            columns += [ul.columns[self.top] + a, ul.columns[self.top] + b]
+            rows.append(np.array([top]))
+            columns.append(np.array([top]))
+        size = system.unknowns
+        keys = np.concatenate(rows).astype(np.int64) * size + np.concatenate(columns)
+        self.order = np.argsort(keys, kind="stable")
+        pattern = Pattern(keys[self.order], (size, size))
+        self.lower = pattern.matrix(np.ones(len(keys)))
+        self._diagonal = self.lower.indptr[1:] - 1
+        if not np.array_equal(self.lower.indices[self._diagonal], np.arange(size)):
+            raise AssertionError("the Newton matrix lacks a diagonal entry")
+
+    def diagonal(self) -> FloatArray:
+        return np.asarray(self.lower.data[self._diagonal])
+
+    def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
+        """Second derivative of C_chi on the chi-chi pattern."""
+        values = self._design_map @ form.tangent_nonlinear(chi) + self._curvature
+        return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
+
+    def reduce(self, values: FloatArray, void: object) -> dict[str, FloatArray]:
+        """Blocks of one control point on the independent unknowns."""
+        block = {name: m @ values[self._entries[name]] for name, m in self._maps.items()}
+        stiffness = void.stiffness.ravel()  # type: ignore[attr-defined]
+        element = {
+            "chi_chi": void.chi_chi.ravel(),  # type: ignore[attr-defined]
+            "chi_u": void.chi_u.ravel(),  # type: ignore[attr-defined]
+            "chi_lam": void.chi_lam.ravel(),  # type: ignore[attr-defined]
+            "u_lam": np.concatenate([stiffness, stiffness]),
+        }
+        for name, entries in element.items():
+            block[name] = block[name] + self._void_maps[name] @ entries
+        return block

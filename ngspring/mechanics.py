@@ -1,0 +1,313 @@
+"""Equilibrium of a given design (Eqs. 4 and 19 with chi frozen) along a path of displacements.
+
+The same energy as in the coupled system. Equilibrium at a prescribed d is a root of the forces on
+the free displacements; the reaction force q is the force on u_Ty, so ``q = dE/dd`` holds exactly
+for the discrete energy E.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import ngsolve as ng
+import numpy as np
+
+from ngspring import energies
+from ngspring.errors import ConvergenceError
+from ngspring.lagrangian import csr_pattern
+from ngspring.linear import Factorization, make_factorization
+from ngspring.reduction import product_map, product_pattern
+from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, stretched
+from ngspring.splines import FloatArray
+from ngspring.void import VoidRegularisation, integration_rule
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """One point of a load path.
+
+    Attributes
+    ----------
+    d : float
+        Displacement of the top side in mm.
+    u : array (free,)
+        Free displacements in mm.
+    q : float
+        Reaction force in N.
+    tangent : array (free,)
+        du/dd, the predictor of the next point.
+    stiffness : float
+        dq/dd in N/mm.
+    iterations : int
+        Newton iterations.
+    """
+
+    d: float
+    u: FloatArray
+    q: float
+    tangent: FloatArray
+    stiffness: float
+    iterations: int
+
+
+class Mechanics:
+    """Forces, tangent and equilibrium of a fixed design.
+
+    Parameters
+    ----------
+    scalar : ScalarSpace
+        Mesh and space; its grid's problem gives material and kinematics.
+    chi : ngsolve.CoefficientFunction or array (ndof,)
+        The design field: a formula, or H1 dofs.
+    eta : float
+        Offset added to chi (2.6).
+    solver, threads
+        See `ngspring.linear.make_factorization`.
+    """
+
+    MAX_ITERATIONS = 25
+
+    def __init__(
+        self,
+        scalar: ScalarSpace,
+        chi: ng.CoefficientFunction | FloatArray,
+        eta: float = 0.0,
+        solver: str = "auto",
+        threads: int = 1,
+    ) -> None:
+        self.scalar = scalar
+        grid: Grid = scalar.grid
+        problem = grid.problem
+        self.displacement = displacement_extraction(scalar)
+        self.extraction = self.displacement.matrix
+        self._transposed = self.extraction.T.tocsr()
+        self.free = self.displacement.free
+        self.void = VoidRegularisation(scalar)
+        table = self.void.table
+        if isinstance(chi, np.ndarray):
+            field = ng.GridFunction(scalar.space)
+            field.vec.FV().NumPy()[:] = chi
+            at_points = self.void.chi_at_points(chi)
+            chi = field
+        else:
+            points = grid.mesh(table.x.ravel(), table.y.ravel())
+            at_points = np.asarray(chi(points)).reshape(table.x.shape)
+        self._at_points = at_points + eta
+        space = ng.VectorH1(grid.mesh, order=2)
+        u = space.TrialFunction()
+        energy = energies.strain_energy(u, ng.Grad(u), problem)
+        density = energies.measure(grid) * energies.stiffness(chi + eta, problem) * energy
+        self._form = ng.BilinearForm(space, symmetric=True)
+        rule = {ng.ET.QUAD: integration_rule()}
+        self._form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
+        self._u = ng.GridFunction(space)
+        self._u.vec[:] = 0.0
+        self._result = self._u.vec.CreateVector()
+        self._solver, self._threads = solver, threads
+        self._factorization: Factorization | None = None
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Index maps from NGSolve's values to the tangent on the independent displacements."""
+        self._form.AssembleLinearization(self._u.vec)
+        rows, columns = csr_pattern(self._form)
+        left = self.extraction
+        pattern = product_pattern(rows, columns, left, left)
+        self._map = product_map(rows, columns, left, left, pattern)
+        n = self.scalar.ndof
+        table = self.void.table.dofs
+        r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        element = self.void.stiffness(self._at_points).ravel()
+        both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
+        self._constant = product_map(*both, left, left, pattern) @ np.concatenate(
+            [element, element]
+        )
+        inner = (pattern.rows < self.free) & (pattern.columns <= pattern.rows)
+        self._lower_entries = np.flatnonzero(inner)
+        lower = pattern.matrix(np.arange(1.0, len(pattern.keys) + 1))[: self.free, : self.free]
+        self._lower = _lower_triangle(lower.tocsr())
+        self._top_entries = np.flatnonzero(
+            (pattern.rows < self.free) & (pattern.columns == self.free)
+        )
+        self._top_rows = pattern.rows[self._top_entries]
+        self._corner = int(np.searchsorted(pattern.keys, pattern.shape[0] * pattern.shape[1] - 1))
+
+    def _full(self, d: float, u: FloatArray) -> FloatArray:
+        return np.asarray(self.extraction @ np.append(u, d))
+
+    def full_field(self, d: float, u: FloatArray) -> FloatArray:
+        """Dofs of the VectorH1 space (x component first)."""
+        return self._full(d, u)
+
+    def energy(self, d: float, u: FloatArray) -> float:
+        """Strain energy E of the whole spring in N mm (with the void's)."""
+        full = self._full(d, u)
+        self._u.vec.FV().NumPy()[:] = full
+        neo_hookean = float(self._form.Energy(self._u.vec))
+        return neo_hookean + 0.5 * float(full @ self.void.forces(self._at_points, full))
+
+    def forces(self, d: float, u: FloatArray) -> FloatArray:
+        """dE/d(u, d): forces on the free displacements, and q as the last entry."""
+        full = self._full(d, u)
+        self._u.vec.FV().NumPy()[:] = full
+        self._form.Apply(self._u.vec, self._result)
+        total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
+        return np.asarray(self._transposed @ total)
+
+    def assemble(self, d: float, u: FloatArray) -> tuple[FloatArray, float]:
+        """Assemble and factorise the tangent; returns its column of u_Ty and their corner.
+
+        Raises
+        ------
+        ConvergenceError
+            If an entry is not finite or the factorisation fails.
+        """
+        self._u.vec.FV().NumPy()[:] = self._full(d, u)
+        self._form.AssembleLinearization(self._u.vec)
+        values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._constant
+        if not np.isfinite(values).all():
+            raise ConvergenceError("the tangent has entries that are not finite")
+        lower = values[self._lower_entries]
+        self._lower.data = lower
+        if self._factorization is None:
+            self._factorization = make_factorization(self._lower, self._solver, self._threads)
+        try:
+            self._factorization.factorize(lower)
+        except Exception as error:
+            raise ConvergenceError(f"the factorisation failed: {error}") from error
+        column = np.zeros(self.free)
+        column[self._top_rows] = values[self._top_entries]
+        return column, float(values[self._corner])
+
+    def solve_linear(self, rhs: FloatArray) -> FloatArray:
+        """Solution with the last tangent, refined once."""
+        assert self._factorization is not None
+        x = self._factorization.solve(rhs)
+        lower = self._lower
+        product = lower @ x + lower.T @ x - lower.diagonal() * x
+        return x + self._factorization.solve(rhs - product)
+
+    def adjoint(self, point: Equilibrium, lam_top: float) -> FloatArray:
+        """lam with ``K lam = 0`` and the given value on the top (Eq. 7): it is du/dd times that."""
+        return np.append(point.tangent * lam_top, lam_top)
+
+    def equilibrium(self, d: float, guess: FloatArray) -> Equilibrium:
+        """Newton's method at a prescribed d.
+
+        Steps that would invert an element (a non-finite residual) are halved.
+
+        Raises
+        ------
+        ConvergenceError
+            If it does not converge.
+        """
+        u = guess
+        force = self.forces(d, u)
+        if not np.isfinite(force).all():
+            raise ConvergenceError("the initial guess inverts an element")
+        first = np.linalg.norm(force[:-1])
+        for iteration in range(1, self.MAX_ITERATIONS + 1):
+            column, corner = self.assemble(d, u)
+            update = self.solve_linear(-force[:-1])
+            step = 1.0
+            while True:
+                trial = u + step * update
+                trial_force = self.forces(d, trial)
+                if np.isfinite(trial_force).all():
+                    break
+                step /= 2
+                if step < 1e-3:
+                    raise ConvergenceError("every Newton step inverts an element")
+            u, force = trial, trial_force
+            norm = np.linalg.norm(force[:-1])
+            size = np.abs(step * update).max() if len(update) else 0.0
+            if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + 1.0):
+                raise ConvergenceError("Newton's method diverges")
+            # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
+            if step == 1.0 and size <= 1e-7 * self.scalar.grid.problem.H and norm <= 1e-9 * (
+                1e-3 + abs(force[-1])
+            ):
+                column, corner = self.assemble(d, u)
+                u = u - self.solve_linear(force[:-1])
+                q = float(self.forces(d, u)[-1])
+                tangent = -self.solve_linear(column)
+                return Equilibrium(d, u, q, tangent, corner + float(column @ tangent), iteration)
+        raise ConvergenceError(f"no convergence in {self.MAX_ITERATIONS} Newton iterations")
+
+    def at_rest(self) -> Equilibrium:
+        """The undeformed state, d = 0."""
+        return self.equilibrium(0.0, np.zeros(self.free))
+
+    def uniform_stretch(self, d: float) -> FloatArray:
+        """Free displacements of u = (0, y d / H)."""
+        return d * self.displacement.restrict(stretched(self.scalar))[:-1]
+
+
+def _lower_triangle(matrix: object) -> object:
+    import scipy.sparse as sp
+
+    lower = sp.tril(matrix).tocsr()
+    lower.sort_indices()
+    return lower
+
+
+def follow(
+    mechanics: Mechanics,
+    targets: FloatArray,
+    start: Equilibrium | None = None,
+    first_step: float | None = None,
+    on_point: Callable[[Equilibrium], None] | None = None,
+) -> tuple[list[Equilibrium], str]:
+    """Follow the load path through displacements that move away from the start one way.
+
+    The step adapts: it grows after easy steps and is halved after a failed one. The path ends
+    early where it is smaller than 1e-5 H.
+
+    Parameters
+    ----------
+    mechanics : Mechanics
+    targets : array
+        Displacements in mm, in order.
+    start : Equilibrium, optional
+        Where to start; the undeformed state by default.
+    first_step : float, optional
+        First step in mm; 2 % of H by default.
+    on_point : callable, optional
+        Called with each accepted equilibrium, in-between ones included.
+
+    Returns
+    -------
+    points : list of Equilibrium
+        One for each target that was reached.
+    message : str
+        Empty, or why and where the path ended.
+    """
+    height = mechanics.scalar.grid.problem.H
+    here = mechanics.at_rest() if start is None else start
+    step = 0.02 * height if first_step is None else first_step
+    points: list[Equilibrium] = []
+    for target in targets:
+        while here.d != target:
+            distance = target - here.d
+            d = target if abs(distance) <= step * 1.0001 else here.d + np.copysign(step, distance)
+            guess = here.u + (d - here.d) * here.tangent
+            try:
+                there = mechanics.equilibrium(float(d), guess)
+            except ConvergenceError as error:
+                step = min(step, abs(distance)) / 2
+                if step < 1e-5 * height:
+                    return points, (
+                        f"the path ends at d = {here.d:.6g} mm, before {target:.6g} mm: {error}"
+                    )
+                continue
+            here = there
+            if on_point is not None:
+                on_point(here)
+            if here.iterations <= 4:
+                step *= 2.0
+            elif here.iterations >= 10:
+                step /= 2.0
+            step = min(step, 0.05 * height)
+        points.append(here)
+    return points, ""

@@ -1,0 +1,73 @@
+"""From values on finite element dofs to values on independent unknowns, by precomputed maps.
+
+``P^T K P`` with fixed extraction matrices and a fixed pattern of K is a fixed linear map from the
+stored values of K to those of the product. It is built once as a sparse matrix; a new K then costs
+one sparse matrix-vector product, and explicit zeros never change the pattern.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ngspring.splines import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Sorted places (row, column) of a sparse matrix, as keys ``row * columns + column``."""
+
+    keys: IntArray
+    shape: tuple[int, int]
+
+    @property
+    def rows(self) -> IntArray:
+        return np.asarray(self.keys // self.shape[1])
+
+    @property
+    def columns(self) -> IntArray:
+        return np.asarray(self.keys % self.shape[1])
+
+    def matrix(self, values: FloatArray) -> sp.csr_matrix:
+        offsets = np.searchsorted(self.keys, np.arange(self.shape[0] + 1) * self.shape[1])
+        return sp.csr_matrix((values, self.columns, offsets), shape=self.shape)
+
+
+def product_pattern(
+    rows: IntArray, columns: IntArray, left: sp.csr_matrix, right: sp.csr_matrix
+) -> Pattern:
+    """Pattern of ``left^T A right`` for A with entries at (rows, columns)."""
+    entries = sp.csr_matrix(
+        (np.ones(len(rows)), (rows, columns)), shape=(left.shape[0], right.shape[0])
+    )
+    product = sp.csr_matrix(abs(left).T @ entries @ abs(right)).tocoo()
+    shape = (left.shape[1], right.shape[1])
+    keys = product.row.astype(np.int64) * shape[1] + product.col
+    return Pattern(np.sort(keys), shape)
+
+
+def product_map(
+    rows: IntArray,
+    columns: IntArray,
+    left: sp.csr_matrix,
+    right: sp.csr_matrix,
+    pattern: Pattern,
+) -> sp.csr_matrix:
+    """The matrix that maps the values of A's entries to those of ``left^T A right`` on a pattern.
+
+    Entries of A may be listed more than once; their values add up.
+    """
+    count_left = np.diff(left.indptr)[rows]
+    count_right = np.diff(right.indptr)[columns]
+    count = count_left * count_right
+    entry = np.repeat(np.arange(len(rows)), count)
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    of_left = left.indptr[rows[entry]] + within // count_right[entry]
+    of_right = right.indptr[columns[entry]] + within % count_right[entry]
+    keys = left.indices[of_left].astype(np.int64) * pattern.shape[1] + right.indices[of_right]
+    place = np.searchsorted(pattern.keys, keys)
+    weights = left.data[of_left] * right.data[of_right]
+    shape = (len(pattern.keys), len(rows))
+    return sp.csr_matrix((weights, (place, entry)), shape=shape)

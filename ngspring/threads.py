@@ -1,0 +1,29 @@
+"""How many threads NGSolve uses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import ngsolve as ng
+
+
+def available() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def parallel(threads: int | None = None) -> Iterator[int]:
+    """Run NGSolve with this many threads (all available ones by default).
+
+    With one thread NGSolve's task manager stays off. Yields the number.
+    """
+    count = available() if threads is None else threads
+    ng.SetNumThreads(count)
+    if count == 1:
+        yield 1
+        return
+    with ng.TaskManager():
+        yield count
