@@ -1,0 +1,77 @@
+"""Is a stored design a stationary point? Answered from its chi alone (Eqs. 4, 7, 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ngspring.design import Design
+from ngspring.evolution import initial_state
+from ngspring.kkt import CoupledSystem
+from ngspring.splines import FloatArray
+from ngspring.threads import parallel
+
+
+@dataclass(frozen=True)
+class Optimality:
+    """Outcome of `optimality`.
+
+    Attributes
+    ----------
+    residual : float
+        Norm of Eq. 8's residual at dt = infinity relative to the norm of its terms (the square
+        root of the sum of their squared norms).
+    terms : dict
+        Norm of each term: volume, interface, curvature, and one per control point.
+    q, targets : arrays
+        Reaction forces and target forces at the control points in N.
+    deviation : array
+        ``|q - q_*| / |q_*|``.
+    """
+
+    residual: float
+    terms: dict[str, float]
+    q: FloatArray
+    targets: FloatArray
+
+    @property
+    def deviation(self) -> FloatArray:
+        return np.abs(self.q - self.targets) / np.maximum(np.abs(self.targets), 1e-300)
+
+
+def optimality(
+    design: Design, *, domain: str | None = None, threads: int | None = None, solver: str = "auto"
+) -> Optimality:
+    """Re-assemble everything for a stored design and return Eq. 8's residual.
+
+    Mechanics are solved from the undeformed state and adjoints from their equations; nothing but
+    chi and the problem is taken from the file.
+
+    Parameters
+    ----------
+    design : Design
+    domain : {"quarter", "full"}, optional
+        Overrides the problem's.
+    threads, solver
+        See `ngspring.optimize`.
+
+    Raises
+    ------
+    ConvergenceError
+        If a control point cannot be reached from the undeformed state.
+    """
+    problem = design.problem if domain is None else design.problem.replace(domain=domain)
+    with parallel(threads) as count:
+        system = CoupledSystem(problem, solver, count)
+        state = initial_state(system, design)
+        residual = system.residual(state, state.chi, np.inf)
+    terms = residual.chi_terms
+    size = float(np.sqrt(sum(norm**2 for norm in terms.values())))
+    targets = np.array([point.q for point in problem.control_points])
+    return Optimality(
+        residual=float(np.linalg.norm(residual.chi)) / size if size > 0 else 0.0,
+        terms=terms,
+        q=state.forces(problem),
+        targets=targets,
+    )

@@ -1,0 +1,51 @@
+"""The gallery: finished designs that come with the package, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib.resources import as_file, files
+
+from ngspring.design import Design
+from ngspring.errors import DesignFileError
+from ngspring.problem import nearest, shown
+
+
+class Gallery(Mapping[str, Design]):
+    """Read-only mapping from names to stored designs, each loaded when asked for."""
+
+    def __init__(self) -> None:
+        self._folder = files("ngspring") / "designs"
+
+    def _names(self) -> list[str]:
+        if not self._folder.is_dir():
+            return []
+        names = [entry.name for entry in self._folder.iterdir()]
+        return sorted(name.removesuffix(".npz") for name in names if name.endswith(".npz"))
+
+    def __getitem__(self, name: str) -> Design:
+        """The design of this name.
+
+        Raises
+        ------
+        DesignFileError
+            If there is none (also a KeyError in spirit: the message names the nearest one).
+        """
+        names = self._names()
+        if name not in names:
+            hint = f": did you mean {nearest(str(name), names)!r}?" if names else ""
+            raise DesignFileError(f"there is no stored design {shown(name)}{hint}")
+        with as_file(self._folder / f"{name}.npz") as path:
+            return Design.load(path)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names())
+
+    def __len__(self) -> int:
+        return len(self._names())
+
+
+gallery = Gallery()
+"""The stored designs."""
