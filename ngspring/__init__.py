@@ -22,10 +22,10 @@ from ngspring.problem import ControlPoint, SpringProblem
 if TYPE_CHECKING:
     from ngspring.design import Design
     from ngspring.evolution import Result, StepRule, Update, optimize
-    from ngspring.stored import gallery
     from ngspring.history import History
-    from ngspring.stationarity import Optimality, optimality
     from ngspring.response import Response, load_displacement
+    from ngspring.stationarity import Optimality, optimality
+    from ngspring.stored import gallery
     from ngspring.taylor import taylor_test
 
 __version__ = "0.1.0"

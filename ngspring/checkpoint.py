@@ -35,6 +35,7 @@ class Checkpoint:
     start: str
 
     def save(self, path: PathLike) -> None:
+        """Write the checkpoint atomically."""
         arrays: dict[str, object] = {
             "format": "ngspring-checkpoint",
             "version": VERSION,

@@ -7,12 +7,15 @@ sensitivities are variations of these expressions taken by NGSolve.
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import ngsolve as ng
 
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid
 
-CF = ng.CoefficientFunction
+#: A coefficient function of NGSolve, which has no type information of its own.
+CF: TypeAlias = Any
 
 
 def rho(chi: CF) -> CF:
@@ -88,9 +91,7 @@ def void_regularisation_scale(problem: SpringProblem) -> float:
     return problem.k_r * problem.K * problem.H**2
 
 
-def design_energy(
-    chi: CF, grad_chi: CF, hesse_chi: CF, problem: SpringProblem
-) -> dict[str, CF]:
+def design_energy(chi: CF, grad_chi: CF, hesse_chi: CF, problem: SpringProblem) -> dict[str, CF]:
     """The terms of C_chi's integrand (Eq. 11) without the transient one, by name.
 
     Returns
@@ -126,6 +127,4 @@ def transient_energy(
 ) -> CF:
     """Last term of Eq. 11 after backward Euler, times dt: its variation is that of Eq. 12."""
     change, grad_change = chi - chi_old, grad_chi - grad_chi_old
-    return 0.5 * (
-        change * change + problem.l_t**2 * ng.InnerProduct(grad_change, grad_change)
-    )
+    return 0.5 * (change * change + problem.l_t**2 * ng.InnerProduct(grad_change, grad_change))

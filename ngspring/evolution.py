@@ -65,6 +65,7 @@ class StepRule:
     smallest: float = 1e-8
 
     def grown(self, dt: float, iterations: int) -> float:
+        """Next dt after an accepted update that took so many Newton iterations."""
         if iterations <= self.easy:
             return dt * self.easy_growth
         return dt * self.growth if iterations < self.few else dt
@@ -142,9 +143,7 @@ def start_design(problem: SpringProblem, initial: Start | None) -> Design:
     raise ProblemError(f"initial = {initial!r} is neither a Design nor a function f(x, y)")
 
 
-def equilibria(
-    system: CoupledSystem, chi: FloatArray
-) -> tuple[list[Mechanics], list[Equilibrium]]:
+def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics], list[Equilibrium]]:
     """Forward solution at every control point from the undeformed state (chi: coefficients).
 
     Raises
@@ -366,9 +365,7 @@ class _Run:
             if outcome.converged:
                 self.previous, self.dt_previous = self.state, dt
                 self.state = outcome.state
-                self.rows.append(
-                    self._row(dt, outcome.iterations, rejected, rejected_iterations)
-                )
+                self.rows.append(self._row(dt, outcome.iterations, rejected, rejected_iterations))
                 rejected = rejected_iterations = 0
                 self.dt = self.rule.grown(dt, outcome.iterations)
                 self._save()

@@ -64,7 +64,7 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
     for name, value in converted.items():
         if value.dtype.hasobject:
             raise TypeError(f"{name} would need pickle")
-    np.savez_compressed(buffer, **converted)
+    np.savez_compressed(buffer, **converted)  # type: ignore[arg-type]
     with replacing(path) as temporary:
         temporary.write_bytes(buffer.getvalue())
 

@@ -40,10 +40,12 @@ class History:
 
     @classmethod
     def from_rows(cls, rows: Sequence[Mapping[str, float]]) -> History:
+        """Table of rows that all have the same keys."""
         columns = tuple(rows[0])
         return cls(columns, np.array([[row[name] for name in columns] for row in rows]))
 
     def rows(self) -> list[dict[str, float]]:
+        """All rows by column name."""
         return [dict(zip(self.columns, map(float, row), strict=True)) for row in self.values]
 
     def to_csv(self) -> str:

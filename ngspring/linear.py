@@ -44,6 +44,7 @@ class SparseCholesky:
         self._inverse: Any = None
 
     def factorize(self, values: FloatArray) -> None:
+        """See `Factorization`."""
         if self._matrix is None:
             lower = self._pattern
             rows = np.repeat(np.arange(lower.shape[0], dtype=np.int32), np.diff(lower.indptr))
@@ -58,12 +59,14 @@ class SparseCholesky:
         self._inverse.Update()
 
     def solve(self, rhs: FloatArray) -> FloatArray:
+        """See `Factorization`."""
         self._rhs.FV().NumPy()[:] = rhs
         self._solution.data = self._inverse * self._rhs
         return np.array(self._solution.FV().NumPy())
 
     @property
     def negative_eigenvalues(self) -> int | None:
+        """Not known."""
         return None
 
 
@@ -91,17 +94,20 @@ class Pardiso:
         self._nothing = np.zeros((lower.shape[0], 1), order="F")
 
     def factorize(self, values: FloatArray) -> None:
+        """See `Factorization`."""
         self._upper.data[:] = values[self._gather]
         self._solver.set_phase(22 if self._analysed else 12)
         self._solver._call_pardiso(self._upper, self._nothing)
         self._analysed = True
 
     def solve(self, rhs: FloatArray) -> FloatArray:
+        """See `Factorization`."""
         self._solver.set_phase(33)
         return np.asarray(self._solver._call_pardiso(self._upper, rhs[:, None])).ravel()
 
     @property
     def negative_eigenvalues(self) -> int | None:
+        """See `Factorization`."""
         return int(self._solver.iparm[22])
 
     def __del__(self) -> None:

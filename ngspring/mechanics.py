@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
+import scipy.sparse as sp
 
 from ngspring import energies
 from ngspring.errors import ConvergenceError
@@ -225,8 +226,10 @@ class Mechanics:
             if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + 1.0):
                 raise ConvergenceError("Newton's method diverges")
             # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
-            if step == 1.0 and size <= 1e-7 * self.scalar.grid.problem.H and norm <= 1e-9 * (
-                1e-3 + abs(force[-1])
+            if (
+                step == 1.0
+                and size <= 1e-7 * self.scalar.grid.problem.H
+                and norm <= 1e-9 * (1e-3 + abs(force[-1]))
             ):
                 column, corner = self.assemble(d, u)
                 u = u - self.solve_linear(force[:-1])
@@ -244,10 +247,8 @@ class Mechanics:
         return d * self.displacement.restrict(stretched(self.scalar))[:-1]
 
 
-def _lower_triangle(matrix: object) -> object:
-    import scipy.sparse as sp
-
-    lower = sp.tril(matrix).tocsr()
+def _lower_triangle(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    lower = sp.csr_matrix(sp.tril(matrix))
     lower.sort_indices()
     return lower
 

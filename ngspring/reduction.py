@@ -24,13 +24,16 @@ class Pattern:
 
     @property
     def rows(self) -> IntArray:
+        """Row of each entry."""
         return np.asarray(self.keys // self.shape[1])
 
     @property
     def columns(self) -> IntArray:
+        """Column of each entry."""
         return np.asarray(self.keys % self.shape[1])
 
     def matrix(self, values: FloatArray) -> sp.csr_matrix:
+        """The sparse matrix with these values."""
         offsets = np.searchsorted(self.keys, np.arange(self.shape[0] + 1) * self.shape[1])
         return sp.csr_matrix((values, self.columns, offsets), shape=self.shape)
 

@@ -59,6 +59,7 @@ class Response:
 
     @property
     def grid(self) -> Grid:
+        """The mesh the fields live on."""
         return Grid(self.problem)
 
     @property
@@ -189,5 +190,3 @@ def _checked(displacements: Iterable[float], problem: SpringProblem) -> FloatArr
                 f" {problem.H:g} mm"
             )
     return values
-
-

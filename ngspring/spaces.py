@@ -15,8 +15,8 @@ from functools import cached_property
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from ngsolve.meshes import MakeStructured2DMesh
+from numpy.typing import NDArray
 
 from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray, IntArray, fold_x, fold_y, hierarchical_functionals
@@ -34,14 +34,17 @@ class Grid:
 
     @property
     def half_width(self) -> bool:
+        """Whether the mesh ends at the middle, x = L/2."""
         return self.problem.quarter or self.problem.axisymmetric
 
     @property
     def half_height(self) -> bool:
+        """Whether the mesh ends at the middle, y = H/2."""
         return self.problem.quarter
 
     @property
     def cells(self) -> tuple[int, int]:
+        """Number of elements in x and in y."""
         n = self.problem.elements
         return (n // 2 if self.half_width else n, n // 2 if self.half_height else n)
 
@@ -62,6 +65,7 @@ class Grid:
 
     @cached_property
     def mesh(self) -> ng.Mesh:
+        """The structured mesh of quadrilaterals."""
         width, height = self.size
         nx, ny = self.cells
         return MakeStructured2DMesh(
@@ -110,6 +114,7 @@ class ScalarSpace:
 
     @property
     def ndof(self) -> int:
+        """Number of dofs."""
         return int(self.space.ndof)
 
     def on(self, side: str) -> IntArray:
@@ -119,6 +124,7 @@ class ScalarSpace:
         return np.flatnonzero(self.node[:, axis] == place)
 
     def is_vertex(self, dofs: IntArray) -> NDArray[np.bool_]:
+        """Which of these dofs are vertex dofs."""
         return np.asarray((self.node[dofs] % 2 == 0).all(axis=1))
 
     def opposite(self, dofs: IntArray, axis: int) -> IntArray:
@@ -128,7 +134,7 @@ class ScalarSpace:
         order = np.argsort(key)
         moved = self.node[dofs].copy()
         moved[:, axis] = 2 * self.grid.cells[axis] - moved[:, axis]
-        return order[np.searchsorted(key[order], moved[:, 0] * ny + moved[:, 1])]
+        return np.asarray(order[np.searchsorted(key[order], moved[:, 0] * ny + moved[:, 1])])
 
 
 def spline_extraction(scalar: ScalarSpace) -> sp.csr_matrix:

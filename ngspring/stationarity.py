@@ -37,6 +37,7 @@ class Optimality:
 
     @property
     def deviation(self) -> FloatArray:
+        """Relative deviation of each reaction force from its target."""
         return np.abs(self.q - self.targets) / np.maximum(np.abs(self.targets), 1e-300)
 
 

@@ -70,8 +70,8 @@ class ElementTable:
         height = scalar.bubble_value[self.dofs[0]]
 
         def table(in_x: FloatArray, in_y: FloatArray) -> FloatArray:
-            product = np.einsum("ag,bh->ghab", in_x, in_y).reshape(9, 9)
-            return product * height
+            product: FloatArray = np.einsum("ag,bh->ghab", in_x, in_y).reshape(9, 9)
+            return np.asarray(product * height)
 
         self.value = table(value, value)
         # H : H counts the mixed derivative twice.
@@ -122,7 +122,8 @@ class VoidRegularisation:
 
     def _scatter(self, element_vectors: FloatArray) -> FloatArray:
         dofs = self.table.dofs.ravel()
-        return np.bincount(dofs, weights=element_vectors.ravel(), minlength=self._ndof)
+        summed = np.bincount(dofs, weights=element_vectors.ravel(), minlength=self._ndof)
+        return np.asarray(summed, dtype=float)
 
     def stiffness(self, chi_at_points: FloatArray) -> FloatArray:
         """Element matrices (elements, 81) of the second derivative with respect to u."""
