@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from ngspring.errors import DesignFileError, NgspringError, ProblemError
 from ngspring.files import PathLike, read_arrays, write_arrays
@@ -79,14 +80,14 @@ class Design:
     def column(cls, problem: SpringProblem) -> Design:
         """The default start, our choice for Fig. 2: a column with a thinner, softer middle.
 
-        ``chi = 3 cos(2 pi X/L) (1 + cos(2 pi Y/H) / 2)`` with X, Y from the centre. A start
+        ``chi = 3 cos(2 pi X/L) (1 - cos(2 pi Y/H) / 2)`` with X, Y from the centre. A start
         that does not vary in y would stay constant in y for ever.
         """
 
         def chi(x: FloatArray, y: FloatArray) -> FloatArray:
             across = np.cos(2 * np.pi * (x / problem.L - 0.5))
             along = np.cos(2 * np.pi * (y / problem.H - 0.5))
-            return 3 * across * (1 + along / 2)
+            return 3 * across * (1 - along / 2)
 
         return cls.from_function(problem, chi)
 
@@ -129,8 +130,7 @@ class Design:
 
     def density(self, x: Any, y: Any) -> FloatArray:
         """rho(chi) of Eq. 2 at points of the full domain."""
-        with np.errstate(over="ignore"):
-            return np.asarray(1.0 / (1.0 + np.exp(-self.chi(x, y))))
+        return np.asarray(expit(self.chi(x, y)))
 
     @property
     def volume(self) -> float:

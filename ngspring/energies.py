@@ -18,9 +18,14 @@ from ngspring.spaces import Grid
 CF: TypeAlias = Any
 
 
+def _decay(chi: CF) -> CF:
+    """exp(-chi), which would overflow deep in the void; at chi = -200 the density is 1e-87."""
+    return ng.exp(-ng.IfPos(chi + 200, chi, -200))
+
+
 def rho(chi: CF) -> CF:
     """Material density, the sigmoid of the design field (Eq. 2)."""
-    return 1 / (1 + ng.exp(-chi))
+    return 1 / (1 + _decay(chi))
 
 
 def stiffness(chi: CF, problem: SpringProblem) -> CF:
@@ -29,7 +34,7 @@ def stiffness(chi: CF, problem: SpringProblem) -> CF:
     With Eq. 2 inserted, ``rho / (1 + p (1 - rho)) = 1 / (1 + (1 + p) exp(-chi))``.
     """
     e_0, p = problem.E_0, problem.p
-    return e_0 + (1 - e_0) / (1 + (1 + p) * ng.exp(-chi))
+    return e_0 + (1 - e_0) / (1 + (1 + p) * _decay(chi))
 
 
 def void_indicator(chi: CF) -> CF:

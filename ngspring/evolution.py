@@ -19,6 +19,7 @@ import numpy as np
 
 from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, Checkpoint, locked
 from ngspring.design import Design, equivalent_width
+from ngspring.elimination import Elimination
 from ngspring.errors import ConvergenceError, ProblemError, RunFolderError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
@@ -316,6 +317,7 @@ class _Run:
         self.folder: Path | None = None
         self.max_updates: int | None = None
         self.system: CoupledSystem | None = None
+        self.elimination: Elimination | None = None
         self.rows: list[dict[str, float]] = []
         self.seconds_before = 0.0
         self.clock = time.perf_counter()
@@ -385,7 +387,11 @@ class _Run:
 
     def _update(self, dt: float) -> NewtonResult:
         assert self.system is not None
-        return solve_update(self.system, self.state, self.state.chi, dt, self.newton)
+        if self.elimination is None or self.elimination.system is not self.system:
+            self.elimination = Elimination(self.system)
+        return solve_update(
+            self.system, self.state, self.state.chi, dt, self.newton, self.elimination
+        )
 
     def _row(
         self, dt: float, iterations: int, rejected: int, rejected_iterations: int

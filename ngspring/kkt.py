@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from ngspring.lagrangian import ControlPointForm, DesignForm, csr_pattern, form_matrix
+from ngspring.lagrangian import ControlPointForm, DesignForm, csr_pattern
 from ngspring.linear import Factorization, make_factorization
 from ngspring.problem import SpringProblem
 from ngspring.reduction import Pattern, product_map, product_pattern
@@ -118,7 +118,6 @@ class CoupledSystem:
         self._transposed_u = self.extraction_u.T.tocsr()
         self.control_point = ControlPointForm(self.scalar)
         self.design = DesignForm(self.scalar)
-        self._transient = form_matrix(self.design.transient)
         self.timings = Timings()
         self.coefficients = self.extraction_chi.shape[1]
         self.free = self.extraction_u.shape[1] - 1
@@ -154,7 +153,9 @@ class CoupledSystem:
                 terms[name] = self._transposed_chi @ self.design.gradient(full, name)
             if np.isfinite(dt):
                 change = self.extraction_chi @ (state.chi - chi_old)
-                terms["transient"] = (self._transposed_chi @ (self._transient @ change)) / dt
+                terms["transient"] = (
+                    self._transposed_chi @ (self.design.transient_matrix @ change)
+                ) / dt
             u = np.empty_like(state.u)
             lam = np.empty_like(state.lam)
             for j, point in enumerate(self.points):

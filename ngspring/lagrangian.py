@@ -16,6 +16,7 @@ from __future__ import annotations
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
+from scipy.special import expit
 
 from ngspring import energies
 from ngspring.spaces import Grid, ScalarSpace
@@ -112,6 +113,8 @@ class DesignForm:
         self._result = self._chi.vec.CreateVector()
         for form in (self.transient, self.terms["curvature"]):
             form.AssembleLinearization(self._chi.vec)
+        self.transient_matrix = form_matrix(self.transient)
+        self.curvature_matrix = form_matrix(self.terms["curvature"])
         self._table = ElementTable(scalar)
 
     def _load(self, chi: FloatArray) -> None:
@@ -119,6 +122,8 @@ class DesignForm:
 
     def gradient(self, chi: FloatArray, term: str) -> FloatArray:
         """First derivative of one term of C_chi, by its name in `energies.design_energy`."""
+        if term == "curvature":
+            return np.asarray(self.curvature_matrix @ chi)
         self._load(chi)
         self.terms[term].Apply(self._chi.vec, self._result)
         return np.array(self._result.FV().NumPy())
@@ -132,7 +137,10 @@ class DesignForm:
     def values(self, chi: FloatArray) -> dict[str, float]:
         """The terms of C_chi, and the volume V in mm^3 (Eq. 10 or 23) as "V"."""
         self._load(chi)
-        values = {name: float(form.Energy(self._chi.vec)) for name, form in self.terms.items()}
+        values = {
+            name: float(self.terms[name].Energy(self._chi.vec)) for name in ("volume", "interface")
+        }
+        values["curvature"] = float(chi @ (self.curvature_matrix @ chi)) / 2
         at_points = chi[self._table.dofs] @ self._table.value.T
-        values["V"] = float((self._table.weights / (1 + np.exp(-at_points))).sum())
+        values["V"] = float((self._table.weights * expit(at_points)).sum())
         return values

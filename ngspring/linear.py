@@ -9,6 +9,7 @@ Newton matrix is handed over in quasi-definite form (`ngspring.kkt`), which need
 from __future__ import annotations
 
 import importlib.util
+import sys
 from typing import Any, Protocol
 
 import ngsolve as ng
@@ -102,8 +103,10 @@ class Pardiso:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `Factorization`."""
+        # PARDISO reads n doubles from the pointer, whatever the array holds.
+        column = np.ascontiguousarray(rhs, dtype=np.float64).reshape(self._upper.shape[0], 1)
         self._solver.set_phase(33)
-        return np.asarray(self._solver._call_pardiso(self._upper, rhs[:, None])).ravel()
+        return np.asarray(self._solver._call_pardiso(self._upper, column)).ravel()
 
     @property
     def negative_eigenvalues(self) -> int | None:
@@ -113,7 +116,7 @@ class Pardiso:
     def __del__(self) -> None:
         # PARDISO keeps its factors outside Python's memory.
         solver = getattr(self, "_solver", None)
-        if solver is not None:
+        if solver is not None and not sys.is_finalizing():
             solver.free_memory(everything=True)
 
 

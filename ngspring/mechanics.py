@@ -7,6 +7,7 @@ for the discrete energy E.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ from ngspring.reduction import product_map, product_pattern
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, stretched
 from ngspring.splines import FloatArray
 from ngspring.void import VoidRegularisation, integration_rule
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -85,22 +88,24 @@ class Mechanics:
         self._transposed = self.extraction.T.tocsr()
         self.free = self.displacement.free
         self.void = VoidRegularisation(scalar)
+        self._field = ng.GridFunction(scalar.space)
+        self._eta = ng.Parameter(eta)
         table = self.void.table
         if isinstance(chi, np.ndarray):
-            field = ng.GridFunction(scalar.space)
-            field.vec.FV().NumPy()[:] = chi
+            field: ng.CoefficientFunction = self._field
+            self._field.vec.FV().NumPy()[:] = chi
             at_points = self.void.chi_at_points(chi)
-            chi = field
         else:
+            field = chi
             points = grid.mesh(table.x.ravel(), table.y.ravel())
             at_points = np.asarray(chi(points)).reshape(table.x.shape)
-        self._at_points = at_points + eta
         space = ng.VectorH1(grid.mesh, order=2)
         u = space.TrialFunction()
         energy = energies.strain_energy(u, ng.Grad(u), problem)
-        density = energies.measure(grid) * energies.stiffness(chi + eta, problem) * energy
+        scaled = energies.stiffness(field + self._eta, problem) * energy
         self._form = ng.BilinearForm(space, symmetric=True)
         rule = {ng.ET.QUAD: integration_rule()}
+        density = energies.measure(grid) * scaled
         self._form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
         self._u = ng.GridFunction(space)
         self._u.vec[:] = 0.0
@@ -108,6 +113,7 @@ class Mechanics:
         self._solver, self._threads = solver, threads
         self._factorization: Factorization | None = None
         self._prepare()
+        self._set_points(at_points + eta)
 
     def _prepare(self) -> None:
         """Index maps from NGSolve's values to the tangent on the independent displacements."""
@@ -119,20 +125,30 @@ class Mechanics:
         n = self.scalar.ndof
         table = self.void.table.dofs
         r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
-        element = self.void.stiffness(self._at_points).ravel()
         both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
-        self._constant = product_map(*both, left, left, pattern) @ np.concatenate(
-            [element, element]
-        )
+        self._void_map = product_map(*both, left, left, pattern)
         inner = (pattern.rows < self.free) & (pattern.columns <= pattern.rows)
         self._lower_entries = np.flatnonzero(inner)
-        lower = pattern.matrix(np.arange(1.0, len(pattern.keys) + 1))[: self.free, : self.free]
-        self._lower = _lower_triangle(lower.tocsr())
+        keys = pattern.matrix(np.arange(1.0, len(pattern.keys) + 1))
+        self._lower = _lower_triangle(keys[: self.free, : self.free])
+        self._diagonal = self._lower.indptr[1:] - 1
         self._top_entries = np.flatnonzero(
             (pattern.rows < self.free) & (pattern.columns == self.free)
         )
         self._top_rows = pattern.rows[self._top_entries]
         self._corner = int(np.searchsorted(pattern.keys, pattern.shape[0] * pattern.shape[1] - 1))
+
+    def _set_points(self, at_points: FloatArray) -> None:
+        self._at_points = at_points
+        element = self.void.stiffness(at_points).ravel()
+        self._constant = self._void_map @ np.concatenate([element, element])
+        self._stiff_diagonal: FloatArray | None = None
+
+    def set_design(self, chi: FloatArray, eta: float) -> None:
+        """Replace the design (H1 dofs) and its offset; only if it was given as dofs before."""
+        self._field.vec.FV().NumPy()[:] = chi
+        self._eta.Set(eta)
+        self._set_points(self.void.chi_at_points(chi) + eta)
 
     def _full(self, d: float, u: FloatArray) -> FloatArray:
         return np.asarray(self.extraction @ np.append(u, d))
@@ -156,8 +172,10 @@ class Mechanics:
         total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
         return np.asarray(self._transposed @ total)
 
-    def assemble(self, d: float, u: FloatArray) -> tuple[FloatArray, float]:
+    def assemble(self, d: float, u: FloatArray, shift: float = 0.0) -> tuple[FloatArray, float]:
         """Assemble and factorise the tangent; returns its column of u_Ty and their corner.
+
+        ``shift`` times the diagonal of the undeformed tangent is added for `settle`.
 
         Raises
         ------
@@ -170,6 +188,8 @@ class Mechanics:
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
         lower = values[self._lower_entries]
+        if shift > 0.0:
+            lower[self._diagonal] += shift * self._diagonal_at_rest()
         self._lower.data = lower
         if self._factorization is None:
             self._factorization = make_factorization(self._lower, self._solver, self._threads)
@@ -180,6 +200,68 @@ class Mechanics:
         column = np.zeros(self.free)
         column[self._top_rows] = values[self._top_entries]
         return column, float(values[self._corner])
+
+    def _diagonal_at_rest(self) -> FloatArray:
+        if self._stiff_diagonal is None:
+            self._u.vec.FV().NumPy()[:] = 0.0
+            form = self._form
+            form.AssembleLinearization(self._u.vec)
+            values = self._map @ form.mat.AsVector().FV().NumPy() + self._constant
+            self._stiff_diagonal = values[self._lower_entries][self._diagonal]
+        return self._stiff_diagonal
+
+    def settle(
+        self, d: float, u: FloatArray, accuracy: float, max_iterations: int = 100
+    ) -> tuple[FloatArray, FloatArray]:
+        """Go downhill in the strain energy to a stable equilibrium at a prescribed d.
+
+        Where a branch of equilibria ends (a crease or a piece of the void snaps through), no
+        Newton iteration can follow it: the spring jumps. This is where it lands, by Newton steps
+        with as large a shift of the tangent as it takes to lower the energy.
+
+        Parameters
+        ----------
+        d : float
+        u : array (free,)
+            An admissible state.
+        accuracy : float
+            Norm of the forces in N that counts as balanced.
+        max_iterations : int
+
+        Returns
+        -------
+        u, tangent : arrays
+            Equilibrium and du/dd.
+
+        Raises
+        ------
+        ConvergenceError
+            If none is found.
+        """
+        shift = 1e-4
+        energy, force = self.energy(d, u), self.forces(d, u)
+        if not (np.isfinite(energy) and np.isfinite(force).all()):
+            raise ConvergenceError("the state to settle from inverts an element")
+        for _ in range(max_iterations):
+            column, _ = self.assemble(d, u, shift)
+            negative = self._factorization.negative_eigenvalues if self._factorization else None
+            balanced = np.linalg.norm(force[:-1]) <= accuracy
+            if balanced and shift == 0.0 and not negative:
+                return u, -self.solve_linear(column)
+            update = self.solve_linear(-force[:-1])
+            trial = u + update
+            trial_force = self.forces(d, trial)
+            trial_energy = self.energy(d, trial)
+            # Rounding of the energy must not stop the last steps.
+            lower = trial_energy <= energy + 1e-12 * abs(energy)
+            if np.isfinite(trial_force).all() and lower and not negative:
+                u, force, energy = trial, trial_force, trial_energy
+                shift = shift / 5 if shift > 1e-9 else 0.0
+                continue
+            if shift > 1e4:
+                break
+            shift = max(10 * shift, 1e-8)
+        raise ConvergenceError("no stable equilibrium was found")
 
     def solve_linear(self, rhs: FloatArray) -> FloatArray:
         """Solution with the last tangent, refined once."""
@@ -262,8 +344,9 @@ def follow(
 ) -> tuple[list[Equilibrium], str]:
     """Follow the load path through displacements that move away from the start one way.
 
-    The step adapts: it grows after easy steps and is halved after a failed one. The path ends
-    early where it is smaller than 1e-5 H.
+    The step adapts: it grows after easy steps and is halved after a failed one. Where it becomes
+    tiny the branch has ended (something snaps through), and the path goes on from where the spring
+    settles, see `Mechanics.settle`. It ends early where that fails too.
 
     Parameters
     ----------
@@ -285,23 +368,28 @@ def follow(
         Empty, or why and where the path ended.
     """
     height = mechanics.scalar.grid.problem.H
+    smallest = 1e-4 * height
     here = mechanics.at_rest() if start is None else start
     step = 0.02 * height if first_step is None else first_step
     points: list[Equilibrium] = []
-    for target in targets:
+    for target in map(float, targets):
         while here.d != target:
             distance = target - here.d
-            d = target if abs(distance) <= step * 1.0001 else here.d + np.copysign(step, distance)
-            guess = here.u + (d - here.d) * here.tangent
+            tried = min(step, abs(distance))
+            d = target if tried == abs(distance) else here.d + float(np.copysign(tried, distance))
             try:
-                there = mechanics.equilibrium(float(d), guess)
+                there = mechanics.equilibrium(d, here.u + (d - here.d) * here.tangent)
             except ConvergenceError as error:
-                step = min(step, abs(distance)) / 2
-                if step < 1e-5 * height:
+                step = tried / 2
+                if step >= smallest:
+                    continue
+                try:
+                    there = _snap(mechanics, d, here)
+                except ConvergenceError:
                     return points, (
                         f"the path ends at d = {here.d:.6g} mm, before {target:.6g} mm: {error}"
                     )
-                continue
+                step = 10 * smallest
             here = there
             if on_point is not None:
                 on_point(here)
@@ -309,6 +397,14 @@ def follow(
                 step *= 2.0
             elif here.iterations >= 10:
                 step /= 2.0
-            step = min(step, 0.05 * height)
+            step = min(max(step, smallest), 0.05 * height)
         points.append(here)
     return points, ""
+
+
+def _snap(mechanics: Mechanics, d: float, here: Equilibrium) -> Equilibrium:
+    accuracy = 1e-7 * (1e-3 + abs(here.q))
+    u, _ = mechanics.settle(d, here.u, accuracy)
+    there = mechanics.equilibrium(d, u)
+    logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)
+    return there

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ngspring.elimination import Elimination
+from ngspring.errors import ConvergenceError
 from ngspring.kkt import CoupledSystem, LinearSolveError, Residual, State
 from ngspring.splines import FloatArray
 
@@ -78,6 +80,7 @@ def solve_update(
     chi_old: FloatArray,
     dt: float,
     settings: NewtonSettings,
+    elimination: Elimination | None = None,
 ) -> NewtonResult:
     """Solve Eqs. 4, 7 and 8 with backward Euler from ``chi_old`` over ``dt``.
 
@@ -96,11 +99,17 @@ def solve_update(
             update = system.solve(residual)
         except LinearSolveError as error:
             return NewtonResult(state, False, iteration, str(error), None, np.inf)
+        old = state
         state = State(state.chi + update.chi, state.u + update.u, state.lam + update.lam)
+        if elimination is not None:
+            try:
+                state = elimination.relax(old, state)
+            except ConvergenceError as error:
+                return NewtonResult(state, False, iteration, str(error), None, np.inf)
         residual = system.residual(state, chi_old, dt)
         negative = system.negative_eigenvalues
         change_chi = float(np.abs(update.chi).max())
-        change_u = float(np.abs(update.u).max()) / height
+        change_u = float(np.abs(state.u - old.u).max()) / height
         if not residual.finite:
             reason = "an element was inverted"
             return NewtonResult(state, False, iteration, reason, negative, np.inf)
@@ -111,7 +120,7 @@ def solve_update(
             and relative.max() <= settings.residual_tolerance
         ):
             return NewtonResult(state, True, iteration, "", negative, float(relative[0]))
-        size = max(change_chi, 100 * change_u)
+        size = change_chi if elimination is not None else max(change_chi, 100 * change_u)
         if size > 1e4 or (iteration >= 4 and size > 2 * previous and size > 1.0):
             reason = f"the iteration diverges (change of chi {change_chi:.1e})"
             return NewtonResult(state, False, iteration, reason, negative, float(relative[0]))

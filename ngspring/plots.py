@@ -6,17 +6,20 @@ Figures are plain matplotlib objects on the Agg canvas; no graphical backend is 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from ngspring.design import Design
 from ngspring.errors import NgspringError
 from ngspring.files import PathLike, replacing
 from ngspring.history import History
+from ngspring.labels import point_label, width_symbol
 from ngspring.problem import SpringProblem
 from ngspring.response import Response
 from ngspring.splines import FloatArray
@@ -25,11 +28,6 @@ from ngspring.states import Responses, by_offset, full_displacement, index_of, i
 _CELLS = 320
 _VOID = 0.02
 _SMALL = 8
-
-
-def width_symbol(problem: SpringProblem) -> str:
-    """Name of the equivalent width: W/H (Eq. 20), or D/H for a cylinder (Eq. 25)."""
-    return "D/H" if problem.axisymmetric else "W/H"
 
 
 def new_figure(width: float, height: float, constrained: bool = True) -> Figure:
@@ -81,7 +79,6 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
     _draw_log(axes[1], update, history["C"], "C", color="black", marker=".")
     styles = ("-", "--", "-.", ":")
     for j, point in enumerate(problem.control_points):
-        eta = f", η = {point.eta:g}" if point.eta else ""
         _draw_log(
             axes[2],
             update,
@@ -92,16 +89,16 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             marker="osv^D"[j % 5],
             markersize=3,
             markevery=max(1, len(update) // 25),
-            label=f"d = {point.d:g} mm{eta}",
+            label=point_label(point),
         )
     axes[2].legend(fontsize=_SMALL, loc="upper right")
     axes[3].plot(update, history["width"], color="black", marker=".", markersize=3, linewidth=1)
     axes[3].set_ylabel(f"V as {width_symbol(problem)}")
     axes[3].set_xlabel("design update")
+    axes[3].xaxis.set_major_locator(MaxNLocator(integer=True))
     axes[3].set_xlim(0, max(1.0, float(update[-1])) * 1.02)
     for ax in axes:
         ax.grid(color="0.9")
-        ax.xaxis.get_major_locator().set_params(integer=True)
     figure.align_ylabels(list(axes))
     last_width = history.last()["width"]
     figure.suptitle(
@@ -126,16 +123,17 @@ def _draw_log(axes: Axes, x: FloatArray, y: FloatArray, name: str, **style: obje
 
 
 def response_figure(response: Response, problem: SpringProblem) -> Figure:
-    """Load-displacement curve with the targets of a problem."""
+    """Load-displacement curve with the targets of a problem; says so where it ends early."""
     figure = new_figure(5.0, 3.8)
     axes = figure.subplots()
     draw_curve(axes, response, problem)
-    axes.set_title(problem.name or "spring", fontsize=10)
+    title = "\n".join([problem.name or "spring", *textwrap.wrap(response.message, 70)])
+    axes.set_title(title, fontsize=10 if response.complete else _SMALL)
     return figure
 
 
 def draw_curve(axes: Axes, response: Response, problem: SpringProblem) -> None:
-    """Draw q(d) and the target points; the path's end is marked where it ends early."""
+    """Draw q(d) and the target points."""
     axes.axhline(0, color="0.7", linewidth=0.8)
     axes.axvline(0, color="0.7", linewidth=0.8)
     axes.plot(response.d, response.q, color="black", linewidth=1.3, label="response")
@@ -153,9 +151,6 @@ def draw_curve(axes: Axes, response: Response, problem: SpringProblem) -> None:
                 markeredgecolor="black",
                 label=name,
             )
-    if not response.complete and len(response.d):
-        ends = [k for k in (0, -1) if response.d[k] != 0.0]
-        axes.plot(response.d[ends], response.q[ends], "kx", label="path ends")
     axes.set_xlabel("d [mm]")
     axes.set_ylabel("q [N]")
     axes.grid(color="0.92")
@@ -237,30 +232,29 @@ def design_figure(design: Design, responses: Responses, curve: Response) -> Figu
     name = problem.name or "design"
     all_axes[0].set_title(f"{name}\n{symbol} = {ratio:.4f}", fontsize=_SMALL + 1)
     for axes, point in zip(all_axes[1:], points, strict=True):
-        offset = f", η = {point.eta:g}" if point.eta else ""
         response = by_offset(responses).get(point.eta)
         index = None if response is None else index_of(response, point.d)
-        title = f"d = {point.d:g} mm{offset}\n"
+        title = f"{point_label(point)}\n"
         if response is None or index is None:
             title += "not reached"
             axes.set_aspect("equal")
         else:
-            extents.append(
-                draw_design(axes, design, full_displacement(response, index), point.eta)
-            )
+            extents.append(draw_design(axes, design, full_displacement(response, index), point.eta))
             title += f"q = {response.q[index]:.4g} N (target {point.q:g})"
         axes.set_title(title, fontsize=_SMALL + 1)
     left = min(-0.03 * problem.L, *(extent[0] for extent in extents))
     right = max(1.03 * problem.L, *(extent[1] for extent in extents))
-    # One scale for all panels, so that the states can be compared: 2.2 inches for the height.
-    panel = 2.2 * (right - left) / (high - low)
+    # One scale for all panels, so that the states can be compared.
+    scale = min(2.2 / (high - low), 4.0 / (right - left))
+    panel, panel_height = scale * (right - left), scale * (high - low)
     first, gap, curve_width = 0.55, 0.12, 2.9
     after = first + len(all_axes) * (panel + gap) + 0.6
     width, height = after + curve_width + 0.15, 3.2
     figure.set_size_inches(width, height)
+    above = 0.5 + (2.2 - panel_height) / 2
     for k, axes in enumerate(all_axes):
         place = (first + k * (panel + gap)) / width
-        axes.set_position((place, 0.5 / height, panel / width, 2.2 / height))
+        axes.set_position((place, above / height, panel / width, panel_height / height))
     last.set_position((after / width, 0.5 / height, curve_width / width, 2.2 / height))
     for axes, d in zip(all_axes, [0.0, *(point.d for point in points)], strict=True):
         axes.set_xlim(left, right)

@@ -123,8 +123,8 @@ def load_displacement(
     Raises
     ------
     ProblemError
-        If a displacement is not a finite number smaller than H in size, or a formula comes without
-        a problem.
+        If a displacement is not a finite number smaller than H in size, eta is not finite, or a
+        formula comes without a problem.
     """
     if isinstance(design, Design):
         problem = design.problem if problem is None else problem
@@ -132,6 +132,8 @@ def load_displacement(
         raise ProblemError(f"design = {design!r} is neither a Design nor a CoefficientFunction")
     if problem is None:
         raise ProblemError("a design given as a formula needs problem = SpringProblem(...)")
+    if not np.isfinite(eta):
+        raise ProblemError(f"eta = {eta!r} must be a finite number")
     if domain is not None:
         problem = problem.replace(domain=domain)
     targets = _checked(displacements, problem)

@@ -7,16 +7,18 @@ stands for. An axisymmetric spring is shown as its cross-section, mirrored at th
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 import scipy.sparse as sp
 
 from ngspring.design import Design
-from ngspring.problem import ControlPoint
+from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response, load_displacement
 from ngspring.splines import FloatArray
 
+_PER_POINT = ("d", "q", "energy", "stiffness", "u", "nodes_u")
 Responses = Response | Mapping[float, Response]
 
 
@@ -53,16 +55,32 @@ def control_point_responses(
     }
 
 
-def default_range(design: Design) -> tuple[float, float]:
-    """Range of displacements in mm that holds zero and every control point."""
+def curve_displacements(
+    design: Design, low: float | None = None, high: float | None = None, points: int = 41
+) -> FloatArray:
+    """Evenly spaced displacements in mm, from zero to the outermost control points by default."""
     targets = [point.d for point in design.problem.control_points]
-    return min(0.0, *targets), max(0.0, *targets)
+    first = min(0.0, *targets) if low is None else low
+    last = max(0.0, *targets) if high is None else high
+    # Rounded, so that 0 and the control points are hit exactly.
+    return np.asarray(np.round(np.linspace(first, last, points), 9))
 
 
 def index_of(response: Response, d: float) -> int | None:
     """Place of a displacement in a response; None if it was not reached."""
     near = np.flatnonzero(np.isclose(response.d, d, rtol=1e-12, atol=1e-12))
     return int(near[0]) if len(near) else None
+
+
+def at_control_points(responses: Responses, problem: SpringProblem) -> dict[float, Response]:
+    """The same with nothing but the states at control points."""
+    kept: dict[float, Response] = {}
+    for eta, response in by_offset(responses).items():
+        places = [index_of(response, p.d) for p in problem.control_points if p.eta == eta]
+        k = np.array([place for place in places if place is not None], dtype=int)
+        arrays = {name: getattr(response, name)[k] for name in _PER_POINT}
+        kept[eta] = dataclasses.replace(response, **arrays)
+    return kept
 
 
 def reached(responses: Responses, point: ControlPoint) -> float | None:

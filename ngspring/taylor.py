@@ -1,4 +1,4 @@
-"""Taylor tests: is a derivative the derivative of its functional?
+"""Taylor tests: whether a derivative is the derivative of its functional.
 
 If ``f(x + t d) - f(x) - t f'(x) d`` shrinks like ``t^2``, and like ``t^3`` once the second
 derivative is taken off as well, the derivatives are right; a wrong one leaves the lower order.

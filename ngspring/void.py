@@ -130,27 +130,29 @@ class VoidRegularisation:
         indicator, _, _ = smooth_step(chi_at_points)
         return np.asarray((self.scale * self.table.weights * indicator) @ self._hesse_hesse)
 
+    def _force(self, weights: FloatArray, hesse: FloatArray) -> FloatArray:
+        moment = (hesse * weights[:, None, :]).reshape(2, -1, 27)
+        element = moment @ self._hesse_of_dofs.T
+        return np.concatenate([self._scatter(element[0]), self._scatter(element[1])])
+
     def forces(self, chi_at_points: FloatArray, u: FloatArray) -> FloatArray:
         """Derivative of the energy with respect to u, on the dofs of the VectorH1 space."""
         indicator, _, _ = smooth_step(chi_at_points)
-        weighted = (self.scale * self.table.weights * indicator)[:, None, :]
-        moment = (self.hesse_at_points(u) * weighted).reshape(2, -1, 27)
-        element = moment @ self._hesse_of_dofs.T
-        return np.concatenate([self._scatter(element[0]), self._scatter(element[1])])
+        weights = self.scale * self.table.weights * indicator
+        return self._force(weights, self.hesse_at_points(u))
 
     def residual(
         self, chi_at_points: FloatArray, u: FloatArray, lam: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Derivatives of ``I(chi) Hu : Hlam`` (integrated) with respect to chi, u and lam."""
-        _, first, _ = smooth_step(chi_at_points)
-        product = np.einsum(
-            "cekg,cekg->eg", self.hesse_at_points(u), self.hesse_at_points(lam), optimize=True
-        )
-        density = self.scale * self.table.weights * first * product
+        indicator, first, _ = smooth_step(chi_at_points)
+        weights = self.scale * self.table.weights
+        hesse_u, hesse_lam = self.hesse_at_points(u), self.hesse_at_points(lam)
+        density = weights * first * (hesse_u * hesse_lam).sum(axis=(0, 2))
         return (
             self._scatter(density @ self.table.value),
-            self.forces(chi_at_points, lam),
-            self.forces(chi_at_points, u),
+            self._force(weights * indicator, hesse_lam),
+            self._force(weights * indicator, hesse_u),
         )
 
     def blocks(self, chi_at_points: FloatArray, u: FloatArray, lam: FloatArray) -> VoidBlocks:
@@ -158,7 +160,7 @@ class VoidRegularisation:
         indicator, first, second = smooth_step(chi_at_points)
         weights = self.scale * self.table.weights
         hesse_u, hesse_lam = self.hesse_at_points(u), self.hesse_at_points(lam)
-        product = np.einsum("cekg,cekg->eg", hesse_u, hesse_lam, optimize=True)
+        product = (hesse_u * hesse_lam).sum(axis=(0, 2))
         weighted = (weights * first)[None, :, None, :]
         return VoidBlocks(
             stiffness=(weights * indicator) @ self._hesse_hesse,

@@ -1,0 +1,107 @@
+"""What the arguments of the command line stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ngspring.cases import cases, get_case
+from ngspring.errors import RunFolderError
+from ngspring.problem import SpringProblem
+
+if TYPE_CHECKING:
+    from ngspring.design import Design
+
+
+def read_problem(text: str) -> tuple[SpringProblem, str]:
+    """The case of this name, or the problem in a TOML file, and a name for its run folder.
+
+    Raises
+    ------
+    ProblemError
+        If there is no such case, or the file is not in order.
+    """
+    path = Path(text)
+    is_case = text.strip().upper() in cases
+    if not is_case and (path.suffix.lower() == ".toml" or path.parent != Path() or path.is_file()):
+        problem = SpringProblem.from_toml(path)
+        return (problem if problem.name else problem.replace(name=path.stem)), path.stem
+    problem = get_case(text)
+    return problem, problem.name
+
+
+def on_mesh(problem: SpringProblem, elements: int) -> tuple[SpringProblem, str]:
+    """The problem on another mesh, and a line about what else had to change (or nothing).
+
+    A coarser mesh needs a wider interface to resolve it: l_i grows by the same factor.
+
+    Raises
+    ------
+    ProblemError
+        If there cannot be such a mesh.
+    """
+    changed = problem.replace(elements=elements)
+    if elements >= problem.elements:
+        return changed, ""
+    factor = problem.elements / elements
+    changed = changed.replace(l_i=problem.l_i * factor)
+    note = (
+        f"{elements} instead of {problem.elements} elements: l_i = {changed.l_i:g} mm instead of"
+        f" {problem.l_i:g} mm, so that the mesh resolves the interface"
+    )
+    if any(point.eta for point in problem.control_points):
+        note += f" (dilation and erosion grow by {factor:g}, too)"
+    return changed, note
+
+
+def read_design(text: str) -> tuple[Design, Path]:
+    """A design with the path of its file: a file, a run folder, or a stored design's name.
+
+    A stored design has no folder of its own to write to: its path is in the working directory.
+
+    Raises
+    ------
+    DesignFileError
+        If there is no such design, or it cannot be read.
+    """
+    from ngspring.checkpoint import DESIGN
+    from ngspring.design import Design
+    from ngspring.stored import gallery
+
+    path = Path(text)
+    if path.is_dir():
+        path = path / DESIGN
+    if path.suffix or path.parent != Path() or path.exists():
+        return Design.load(path), path
+    return gallery[text], Path(f"{text}.npz")
+
+
+def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, str]:
+    """The design to start from, and its name for the notes.
+
+    Raises
+    ------
+    DesignFileError
+        If a design is named that cannot be read.
+    """
+    from ngspring.design import Design
+
+    if text == "column":
+        return Design.column(problem), text
+    if text == "random":
+        return Design.random(problem, seed), f"random, seed {seed}"
+    return read_design(text)[0], f"design {text}"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder with those above it.
+
+    Raises
+    ------
+    RunFolderError
+        If that cannot be done.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error

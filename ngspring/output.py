@@ -1,0 +1,41 @@
+"""What a run leaves in its folder besides its numbers: pictures and a file for ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ngspring.checkpoint import DESIGN, HISTORY
+from ngspring.evolution import Result
+from ngspring.plots import convergence_figure, design_figure, save_figure
+from ngspring.states import at_control_points, control_point_responses, curve_displacements
+from ngspring.vtu import write_vtu
+
+CONVERGENCE_PICTURE = "convergence.png"
+DESIGN_PICTURE = "design.png"
+DESIGN_VTU = "design.vtu"
+
+
+def write_pictures(result: Result, folder: Path, threads: int | None = None) -> list[str]:
+    """Write convergence.png, design.png and design.vtu.
+
+    Returns
+    -------
+    list of str
+        Lines for the user: where a curve is incomplete, and which files are there.
+
+    Raises
+    ------
+    RunFolderError
+        If a file cannot be written.
+    """
+    design, problem = result.design, result.design.problem
+    save_figure(convergence_figure(result.history, problem), folder / CONVERGENCE_PICTURE)
+    # The symmetric path is the same on the full domain, at ten times the cost.
+    responses = control_point_responses(
+        design, curve_displacements(design), domain="quarter", threads=threads
+    )
+    save_figure(design_figure(design, responses, responses[0.0]), folder / DESIGN_PICTURE)
+    write_vtu(folder / DESIGN_VTU, design, at_control_points(responses, problem))
+    lines = [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
+    names = (DESIGN, HISTORY, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU)
+    return [*lines, f"files in {folder}: {', '.join(names)}"]
