@@ -15,6 +15,7 @@ from ngspring.files import PathLike, read_arrays, write_arrays
 from ngspring.history import History
 from ngspring.kkt import State
 from ngspring.problem import SpringProblem
+from ngspring.problem_toml import parse_toml
 
 VERSION = 1
 CHECKPOINT = "checkpoint.npz"
@@ -66,8 +67,8 @@ class Checkpoint:
                 State(*(arrays[f"{name}_{part}"] for part in ("chi", "u", "lam")))
                 for name in ("state", "previous")
             ]
-            return cls(
-                problem=SpringProblem.from_toml(str(arrays["problem"])),
+            checkpoint = cls(
+                problem=parse_toml(str(arrays["problem"])),
                 state=states[0],
                 previous=states[1],
                 dt_previous=float(arrays["dt_previous"]),
@@ -75,8 +76,32 @@ class Checkpoint:
                 history=History(tuple(map(str, arrays["history_columns"])), arrays["history"]),
                 start=str(arrays["start"]),
             )
+            checkpoint._check()
         except KeyError as error:
             raise DesignFileError(f"{path} lacks its part {error}") from None
+        except (ValueError, TypeError, IndexError, AttributeError) as error:
+            raise DesignFileError(f"{path} does not hold a valid checkpoint: {error}") from None
+        return checkpoint
+
+    def _check(self) -> None:
+        """Raise ValueError if the parts do not fit together or are not finite."""
+        nx, ny = self.problem.coefficient_shape
+        points = len(self.problem.control_points)
+        for state in (self.state, self.previous):
+            if state.chi.shape != (nx * ny,) or state.u.ndim != 2 or len(state.u) != points:
+                raise ValueError("the state does not fit the problem")
+            if state.lam.shape != (points, state.u.shape[1] + 1):
+                raise ValueError("the multipliers do not fit the displacements")
+            for part in (state.chi, state.u, state.lam):
+                if part.dtype.kind != "f" or not np.isfinite(part).all():
+                    raise ValueError("the state holds something else than finite numbers")
+        table = self.history
+        if table.values.ndim != 2 or table.values.shape[1] != len(table.columns):
+            raise ValueError("the history table is damaged")
+        if not len(table) or not {"dt", "seconds"} <= set(table.columns):
+            raise ValueError("the history is incomplete")
+        if not self.dt > 0 or not self.dt_previous >= 0:
+            raise ValueError(f"dt = {self.dt} is not a positive number")
 
 
 @contextlib.contextmanager
@@ -102,6 +127,9 @@ def locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RunFolderError(f"cannot write to {folder}: {error.strerror}") from error
     try:
+        # Left behind by a process that was killed while it wrote.
+        for leftover in folder.glob(".*-*.npz"):
+            leftover.unlink(missing_ok=True)
         yield
     finally:
         lock.release()

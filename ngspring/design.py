@@ -13,13 +13,14 @@ from scipy.special import expit
 from ngspring.errors import DesignFileError, NgspringError, ProblemError
 from ngspring.files import PathLike, read_arrays, write_arrays
 from ngspring.history import History
-from ngspring.problem import SpringProblem
+from ngspring.problem import SpringProblem, shown
+from ngspring.problem_toml import parse_toml
 from ngspring.splines import FloatArray, evaluate, greville_points
 
 VERSION = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Design:
     """A design field chi of a spring problem.
 
@@ -98,6 +99,8 @@ class Design:
         Uniform values per element of a 4 x 4, an 8 x 8 and a 12 x 12 mesh within 0.4, 0.222 and
         0.154, as coefficients of quadratic splines on these meshes, added up.
         """
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise ProblemError(f"seed = {shown(seed)} must be an integer of at least 0")
         generator = np.random.default_rng(seed)
         x, y = greville_points(problem)
         x = np.maximum(x, 0.0)
@@ -121,8 +124,10 @@ class Design:
         Raises
         ------
         NgspringError
-            For a point outside the domain.
+            For a point outside the domain, or an order that is not 0, 1 or 2.
         """
+        if len(derivative) != 2 or any(order not in (0, 1, 2) for order in derivative):
+            raise NgspringError(f"derivative = {derivative!r}: each order must be 0, 1 or 2")
         try:
             return evaluate(self.problem, self.coefficients, x, y, derivative)
         except ValueError as error:
@@ -196,10 +201,12 @@ class Design:
         """
         arrays = read_arrays(path, "design", VERSION)
         try:
-            problem = SpringProblem.from_toml(str(arrays["problem"]))
+            problem = parse_toml(str(arrays["problem"]))
             history = None
             if "history" in arrays:
                 columns = tuple(map(str, arrays["history_columns"]))
+                if arrays["history"].dtype.kind != "f":
+                    raise ValueError("the history table is damaged")
                 values = np.asarray(arrays["history"], dtype=float)
                 if values.ndim != 2 or values.shape[1] != len(columns):
                     raise ValueError("the history table is damaged")
@@ -211,7 +218,7 @@ class Design:
             return cls(problem, coefficients, history, info)
         except KeyError as error:
             raise DesignFileError(f"{path} lacks its part {error}") from None
-        except ValueError as error:
+        except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
             raise DesignFileError(f"{path} does not hold a valid design: {error}") from None
 
 

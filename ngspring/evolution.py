@@ -8,6 +8,7 @@ paper's domain) the transient term is removed and a last update gives the exact 
 from __future__ import annotations
 
 import logging
+import numbers
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from ngspring.history import History
 from ngspring.kkt import CoupledSystem, State
 from ngspring.mechanics import Equilibrium, Mechanics, follow
 from ngspring.newton import NewtonResult, NewtonSettings, solve_update
-from ngspring.problem import SpringProblem
+from ngspring.problem import SpringProblem, shown
 from ngspring.splines import FloatArray
 from ngspring.threads import parallel
 
@@ -75,7 +76,7 @@ class StepRule:
 PAPER_RULE = StepRule(easy=0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Update:
     """What an observer gets: one design update, accepted or not.
 
@@ -102,7 +103,7 @@ class Update:
 Observer = Callable[[Update], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """Outcome of `optimize`.
 
@@ -244,12 +245,11 @@ def optimize(
     ProblemError
         If an argument is not valid.
     """
-    if dt_initial is not None and not 0 < dt_initial < np.inf:
-        raise ProblemError(f"dt_initial = {dt_initial!r} must be a positive number")
-    if max_updates is not None and max_updates < 1:
-        raise ProblemError(f"max_updates = {max_updates!r} must be 1 or more")
-    if threads is not None and threads < 1:
-        raise ProblemError(f"threads = {threads!r} must be 1 or more")
+    if dt_initial is not None and not (_is_number(dt_initial) and 0 < dt_initial < np.inf):
+        raise ProblemError(f"dt_initial = {shown(dt_initial)} must be a positive number")
+    for name, value in (("max_updates", max_updates), ("threads", threads)):
+        if value is not None and not (isinstance(value, int) and _is_number(value) and value > 0):
+            raise ProblemError(f"{name} = {shown(value)} must be an integer of at least 1")
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
     run = _Run(problem, rule or StepRule(), newton or NewtonSettings(), tuple(observers))
@@ -266,25 +266,35 @@ def optimize(
             run.folder = folder
             run.write()
             return run.result(True, "")
-        with parallel(threads) as count:
-            run.folder = folder
-            if checkpoint is None:
-                run.begin(initial, dt_initial, start_name, solver, count)
-            else:
-                run.restore(checkpoint)
-                run.system = CoupledSystem(problem, solver, count)
-            try:
+        run.folder = folder
+        try:
+            with parallel(threads) as count:
+                if checkpoint is None:
+                    run.begin(initial, dt_initial, start_name, solver, count)
+                else:
+                    run.restore(checkpoint)
+                    run.system = CoupledSystem(problem, solver, count)
+                    run.tell_restored()
                 return run.loop()
-            except KeyboardInterrupt:
+        except KeyboardInterrupt:
+            # It may have come between any two lines: what counts is the last checkpoint.
+            if (folder / CHECKPOINT).exists():
+                run.restore(Checkpoint.load(folder / CHECKPOINT))
                 run.write()
-                raise
+            raise
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 def _checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
     path = folder / CHECKPOINT
     if not path.exists():
-        if (folder / DESIGN).exists() and not resume:
-            raise RunFolderError(f"{folder} holds a design already: choose another folder")
+        if (folder / DESIGN).exists():
+            raise RunFolderError(
+                f"{folder} holds a design but no checkpoint to resume: choose another folder"
+            )
         return None
     if not resume:
         raise RunFolderError(
@@ -349,6 +359,10 @@ class _Run:
         self.start = checkpoint.start
         self.seconds_before = self.rows[-1]["seconds"]
 
+    def tell_restored(self) -> None:
+        """Tell the observers where a resumed run stands."""
+        self._tell(True, self.rows[-1]["dt"], "")
+
     def finished(self, checkpoint: Checkpoint) -> bool:
         return bool(np.isinf(checkpoint.history.last()["dt"]))
 
@@ -380,7 +394,7 @@ class _Run:
             rejected_iterations += outcome.iterations
             self._tell(False, dt, outcome.reason)
             self.dt = min(self.dt, end) / self.rule.shrink
-            if self.dt < self.rule.smallest * self.unit:
+            if not self.dt >= self.rule.smallest * self.unit:
                 self.write()
                 message = f"dt fell below {self.dt:.1e}: {outcome.reason}"
                 return self.result(False, message)

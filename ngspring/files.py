@@ -29,6 +29,8 @@ def replacing(path: PathLike) -> Iterator[Path]:
         If the file cannot be written (no permission, no space left, folder missing).
     """
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise RunFolderError(f"cannot write {path}: it exists and is not a regular file")
     try:
         handle, name = tempfile.mkstemp(
             prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
@@ -61,6 +63,8 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
     """Write named arrays as one compressed .npz, atomically and without pickle."""
     buffer = io.BytesIO()
     converted = {name: np.asarray(value) for name, value in arrays.items()}
+    # A damaged archive can lose a part without any other sign.
+    converted["parts"] = np.array([*sorted(converted), "parts"])
     for name, value in converted.items():
         if value.dtype.hasobject:
             raise TypeError(f"{name} would need pickle")
@@ -79,9 +83,10 @@ def read_arrays(path: PathLike, kind: str, version: int) -> dict[str, NDArray[An
     """
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile) or "format" not in file.files:
-                raise DesignFileError(f"{path} is not a {kind} file of ngspring")
+        file = np.load(path, allow_pickle=False)
+        if not isinstance(file, np.lib.npyio.NpzFile) or "format" not in file.files:
+            raise DesignFileError(f"{path} is not a {kind} file of ngspring")
+        with file:
             arrays = {name: file[name] for name in file.files}
     except DesignFileError:
         raise
@@ -110,4 +115,7 @@ def read_arrays(path: PathLike, kind: str, version: int) -> dict[str, NDArray[An
             f"{path} has version {number} of the {kind} format, but this ngspring reads"
             f" version {version}: {'update ngspring' if number > version else 'make it anew'}"
         )
+    parts = arrays.get("parts")
+    if parts is None or parts.ndim != 1 or sorted(map(str, parts)) != sorted(arrays):
+        raise DesignFileError(f"{path} is damaged: a part is missing")
     return arrays

@@ -10,7 +10,7 @@ import numpy as np
 from ngspring.splines import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class History:
     """A table of numbers with named columns; row 0 is the initial design.
 

@@ -18,9 +18,11 @@ import scipy.sparse as sp
 from ngspring.lagrangian import ControlPointForm, DesignForm, csr_pattern
 from ngspring.linear import Factorization, make_factorization
 from ngspring.problem import SpringProblem
-from ngspring.reduction import Pattern, product_map, product_pattern
+from ngspring.reduction import Pattern, product_map, product_pattern, scatter_map
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
 from ngspring.splines import FloatArray, IntArray
+from ngspring.threads import release_memory
+from ngspring.void import VoidBlocks
 
 
 class LinearSolveError(ArithmeticError):
@@ -76,7 +78,7 @@ class Residual:
 
 @dataclass
 class Timings:
-    """Seconds spent, summed since the last `reset`."""
+    """Seconds spent, summed over all calls since it was made."""
 
     assembly: float = 0.0
     reduction: float = 0.0
@@ -196,6 +198,7 @@ class CoupledSystem:
         maps = self._maps
         if maps is None:
             maps = self._maps = _Maps(self, state)
+            release_memory()
         start = time.perf_counter()
         # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
         # chi and digits are lost (s = 1 costs seven of them near the optimum).
@@ -306,7 +309,8 @@ class CoupledSystem:
         rhs = -self._pack(residual)
         given = self._block_norms(rhs)
         x = self._factorization.solve(rhs)
-        lower = abs(self._maps.lower)
+        lower = self._maps.lower
+        lower = sp.csr_matrix((np.abs(lower.data), lower.indices, lower.indptr), lower.shape)
         size = np.abs(x)
         size = self._block_norms(lower @ size + lower.T @ size)
         fine = np.maximum(1e-9 * given, 1e-14 * size)
@@ -343,8 +347,8 @@ class _Maps:
         chi, u = system.extraction_chi, system.extraction_u
         inner_u = u[:, :free].tocsr()
         rows, columns = csr_pattern(form.form)
-        block_row = np.searchsorted([n, 3 * n], rows, side="right")
-        block_column = np.searchsorted([n, 3 * n], columns, side="right")
+        block_row = np.searchsorted([n, 3 * n], rows, side="right").astype(np.int8)
+        block_column = np.searchsorted([n, 3 * n], columns, side="right").astype(np.int8)
         table = form.void.table.dofs
         void_rows, void_columns = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
         both_rows = np.concatenate([void_rows, void_rows + n])
@@ -355,6 +359,7 @@ class _Maps:
         self._maps: dict[str, sp.csr_matrix] = {}
         self._void_maps: dict[str, sp.csr_matrix] = {}
         self.patterns: dict[str, Pattern] = {}
+        first = (0, n, 3 * n)
 
         def add(
             name: str,
@@ -364,14 +369,14 @@ class _Maps:
             void_entries: tuple[IntArray, IntArray] | None,
         ) -> None:
             entries = np.flatnonzero((block_row == blocks[0]) & (block_column == blocks[1]))
-            r = rows[entries] - (0, n, 3 * n)[blocks[0]]
-            c = columns[entries] - (0, n, 3 * n)[blocks[1]]
+            r = rows[entries] - first[blocks[0]]
+            c = columns[entries] - first[blocks[1]]
             pattern = product_pattern(r, c, left, right)
             self.patterns[name] = pattern
-            self._entries[name] = entries
+            self._entries[name] = entries.astype(np.int32)
             self._maps[name] = product_map(r, c, left, right, pattern)
             if void_entries is not None:
-                self._void_maps[name] = product_map(*void_entries, left, right, pattern)
+                self._void_maps[name] = scatter_map(r, c, right.shape[0], *void_entries)
 
         add("chi_chi", (0, 0), chi, chi, (void_rows, void_columns))
         add("chi_u", (0, 1), chi, inner_u, (chi_rows, both_columns))
@@ -379,17 +384,17 @@ class _Maps:
         add("u_u", (1, 1), inner_u, inner_u, None)
         add("u_lam", (1, 2), u, u, (both_rows, both_columns))
 
-        design_rows, design_columns = csr_pattern(design.nonlinear)
-        pattern = self.patterns["chi_chi"]
-        self._design_map = product_map(design_rows, design_columns, chi, chi, pattern)
-
-        def quadratic(form: object) -> FloatArray:
-            r, c = csr_pattern(form)
-            values = form.mat.AsVector().FV().NumPy()  # type: ignore[attr-defined]
-            return np.asarray(product_map(r, c, chi, chi, pattern) @ values)
-
-        self._transient = quadratic(design.transient)
-        self._curvature = quadratic(design.terms["curvature"])
+        # The forms of C_chi live on the same pattern as the chi-chi block.
+        chi_entries = self._entries["chi_chi"]
+        for form_of_chi in (design.nonlinear, design.transient, design.terms["curvature"]):
+            r, c = csr_pattern(form_of_chi)
+            if not (
+                np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
+            ):
+                raise AssertionError("the patterns of the forms of chi differ")
+        reduction = self._maps["chi_chi"]
+        self._transient = reduction @ design.transient.mat.AsVector().FV().NumPy()
+        self._curvature = reduction @ design.terms["curvature"].mat.AsVector().FV().NumPy()
         self._arrange(system, nc, free)
 
     def _arrange(self, system: CoupledSystem, nc: int, free: int) -> None:
@@ -428,7 +433,7 @@ class _Maps:
             columns.append(np.array([top]))
         size = system.unknowns
         keys = np.concatenate(rows).astype(np.int64) * size + np.concatenate(columns)
-        self.order = np.argsort(keys, kind="stable")
+        self.order = np.argsort(keys, kind="stable").astype(np.int32)
         pattern = Pattern(keys[self.order], (size, size))
         self.lower = pattern.matrix(np.ones(len(keys)))
         self._diagonal = self.lower.indptr[1:] - 1
@@ -440,19 +445,22 @@ class _Maps:
 
     def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
         """Second derivative of C_chi on the chi-chi pattern."""
-        values = self._design_map @ form.tangent_nonlinear(chi) + self._curvature
+        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._curvature
         return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
 
-    def reduce(self, values: FloatArray, void: object) -> dict[str, FloatArray]:
+    def reduce(self, values: FloatArray, void: VoidBlocks) -> dict[str, FloatArray]:
         """Blocks of one control point on the independent unknowns."""
-        block = {name: m @ values[self._entries[name]] for name, m in self._maps.items()}
-        stiffness = void.stiffness.ravel()  # type: ignore[attr-defined]
+        stiffness = void.stiffness.ravel()
         element = {
-            "chi_chi": void.chi_chi.ravel(),  # type: ignore[attr-defined]
-            "chi_u": void.chi_u.ravel(),  # type: ignore[attr-defined]
-            "chi_lam": void.chi_lam.ravel(),  # type: ignore[attr-defined]
+            "chi_chi": void.chi_chi.ravel(),
+            "chi_u": void.chi_u.ravel(),
+            "chi_lam": void.chi_lam.ravel(),
             "u_lam": np.concatenate([stiffness, stiffness]),
         }
-        for name, entries in element.items():
-            block[name] = block[name] + self._void_maps[name] @ entries
+        block = {}
+        for name, reduction in self._maps.items():
+            stored = values[self._entries[name]]
+            if name in element:
+                stored += self._void_maps[name] @ element[name]
+            block[name] = reduction @ stored
         return block

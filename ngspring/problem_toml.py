@@ -58,10 +58,10 @@ def read_toml(text_or_path: str | os.PathLike[str]) -> SpringProblem:
     if not isinstance(text_or_path, str | os.PathLike):
         raise ProblemError(f"{shown(text_or_path)} is neither TOML text nor the path of a file")
     if isinstance(text_or_path, str) and not _names_a_file(text_or_path):
-        return _parse(text_or_path)
+        return parse_toml(text_or_path)
     path = os.fsdecode(text_or_path)
     try:
-        return _parse(_read(path))
+        return parse_toml(_read(path))
     except ProblemError as error:
         raise ProblemError(f"{path!r}: {error}") from error.__cause__
 
@@ -84,7 +84,8 @@ def _read(path: str) -> str:
         raise ProblemError(f"the file cannot be read: {error}") from error
 
 
-def _parse(text: str) -> SpringProblem:
+def parse_toml(text: str) -> SpringProblem:
+    """Read a problem from TOML text, never from a file of that name."""
     try:
         values = tomllib.loads(text)
     except RecursionError as error:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ngspring.splines import FloatArray, IntArray
 
@@ -62,15 +63,62 @@ def product_map(
 
     Entries of A may be listed more than once; their values add up.
     """
-    count_left = np.diff(left.indptr)[rows]
+    pieces = []
+    # In chunks: the expanded lists are many times longer than the entries.
+    for begin in range(0, len(rows), _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        pieces.append(_expanded(rows[part], columns[part], begin, left, right, pattern))
+    place, entry, weights = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    shape = (len(pattern.keys), len(rows))
+    return sp.csr_matrix((weights, (place, entry)), shape=shape)
+
+
+_CHUNK = 10_000
+
+
+def _expanded(
+    rows: IntArray,
+    columns: IntArray,
+    begin: int,
+    left: sp.csr_matrix,
+    right: sp.csr_matrix,
+    pattern: Pattern,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray]:
+    """Place in the product, entry of A, and weight of each contribution."""
     count_right = np.diff(right.indptr)[columns]
-    count = count_left * count_right
+    count = np.diff(left.indptr)[rows] * count_right
     entry = np.repeat(np.arange(len(rows)), count)
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     of_left = left.indptr[rows[entry]] + within // count_right[entry]
     of_right = right.indptr[columns[entry]] + within % count_right[entry]
     keys = left.indices[of_left].astype(np.int64) * pattern.shape[1] + right.indices[of_right]
-    place = np.searchsorted(pattern.keys, keys)
+    place = np.searchsorted(pattern.keys, keys).astype(np.int32)
     weights = left.data[of_left] * right.data[of_right]
-    shape = (len(pattern.keys), len(rows))
-    return sp.csr_matrix((weights, (place, entry)), shape=shape)
+    return place, (entry + begin).astype(np.int32), weights
+
+
+def scatter_map(
+    rows: IntArray,
+    columns: IntArray,
+    width: int,
+    entry_rows: IntArray,
+    entry_columns: IntArray,
+) -> sp.csr_matrix:
+    """The matrix that adds up listed entries on the stored entries of a matrix.
+
+    Parameters
+    ----------
+    rows, columns : arrays
+        Places of the stored entries, in storage order.
+    width : int
+        Number of columns.
+    entry_rows, entry_columns : arrays
+        Places of the entries to add, each of them stored.
+    """
+    stored = rows * width + columns
+    order = np.argsort(stored, kind="stable")
+    place = order[np.searchsorted(stored[order], entry_rows * width + entry_columns)]
+    shape = (len(rows), len(entry_rows))
+    entry = np.arange(len(entry_rows), dtype=np.int32)
+    ones = np.ones(len(entry_rows))
+    return sp.csr_matrix((ones, (place.astype(np.int32), entry)), shape=shape)

@@ -20,7 +20,7 @@ from ngspring.threads import parallel
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Response:
     """What a load-displacement analysis reached.
 

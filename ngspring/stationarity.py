@@ -13,7 +13,7 @@ from ngspring.splines import FloatArray
 from ngspring.threads import parallel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Optimality:
     """Outcome of `optimality`.
 

@@ -10,6 +10,12 @@ from ngspring.errors import DesignFileError
 from ngspring.problem import nearest, shown
 
 
+class UnknownDesignError(DesignFileError, KeyError):
+    """There is no stored design of this name."""
+
+    __str__ = ValueError.__str__
+
+
 class Gallery(Mapping[str, Design]):
     """Read-only mapping from names to stored designs, each loaded when asked for."""
 
@@ -27,13 +33,13 @@ class Gallery(Mapping[str, Design]):
 
         Raises
         ------
-        DesignFileError
-            If there is none (also a KeyError in spirit: the message names the nearest one).
+        UnknownDesignError
+            If there is none; the message names the nearest one.
         """
         names = self._names()
         if name not in names:
             hint = f": did you mean {nearest(str(name), names)!r}?" if names else ""
-            raise DesignFileError(f"there is no stored design {shown(name)}{hint}")
+            raise UnknownDesignError(f"there is no stored design {shown(name)}{hint}")
         with as_file(self._folder / f"{name}.npz") as path:
             return Design.load(path)
 

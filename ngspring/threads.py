@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -27,3 +30,13 @@ def parallel(threads: int | None = None) -> Iterator[int]:
         return
     with ng.TaskManager():
         yield count
+
+
+def release_memory() -> None:
+    """Give freed memory back to the system where the C library keeps it (glibc).
+
+    Building the index maps of a mesh leaves the heap full of holes, 0.14 GB at 80 x 80.
+    """
+    if sys.platform.startswith("linux"):
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL("libc.so.6").malloc_trim(0)

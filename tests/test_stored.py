@@ -34,6 +34,7 @@ def test_an_unknown_name_is_one_line_that_says_so(name: str) -> None:
     message = str(caught.value)
     assert len(message.splitlines()) == 1
     assert len(message) < 250
+    assert message[0] not in "'\""  # str() of a plain KeyError is a quoted repr
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_one() -> None:
