@@ -21,10 +21,11 @@ from ngspring.problem import ControlPoint, SpringProblem
 
 if TYPE_CHECKING:
     from ngspring.design import Design
-    from ngspring.evolution import Result, StepRule, Update, optimize
+    from ngspring.evolution import Result, Update, optimize
     from ngspring.history import History
     from ngspring.response import Response, load_displacement
     from ngspring.stationarity import Optimality, optimality
+    from ngspring.steprule import StepRule
     from ngspring.stored import gallery
     from ngspring.taylor import taylor_test
 
@@ -35,7 +36,7 @@ _LAZY = {
     "Design": "design",
     "History": "history",
     "Result": "evolution",
-    "StepRule": "evolution",
+    "StepRule": "steprule",
     "Update": "evolution",
     "optimize": "evolution",
     "gallery": "stored",

@@ -12,9 +12,10 @@ import numpy as np
 from ngspring.cases import cases
 from ngspring.design import Design
 from ngspring.errors import ProblemError
-from ngspring.evolution import initial_state, time_unit
 from ngspring.kkt import CoupledSystem, Timings
 from ngspring.problem import ControlPoint, SpringProblem
+from ngspring.start import initial_state
+from ngspring.steprule import time_unit
 from ngspring.threads import parallel
 
 PARTS = ("assembly", "reduction", "factorisation", "solve", "residual")

@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -21,59 +20,18 @@ import numpy as np
 from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, Checkpoint, locked
 from ngspring.design import Design, equivalent_width
 from ngspring.elimination import Elimination
-from ngspring.errors import ConvergenceError, ProblemError, RunFolderError
+from ngspring.errors import ProblemError, RunFolderError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
-from ngspring.kkt import CoupledSystem, State
-from ngspring.mechanics import Equilibrium, Mechanics, follow
+from ngspring.kkt import CoupledSystem
 from ngspring.newton import NewtonResult, NewtonSettings, solve_update
 from ngspring.problem import SpringProblem, shown
 from ngspring.splines import FloatArray
+from ngspring.start import Start, initial_state, start_design
+from ngspring.steprule import StepRule, time_unit
 from ngspring.threads import parallel
 
 logger = logging.getLogger(__name__)
-
-Start = Design | Callable[[FloatArray, FloatArray], Any]
-
-
-@dataclass(frozen=True)
-class StepRule:
-    """How dt changes (2.7).
-
-    Parameters
-    ----------
-    few : int
-        Fewer Newton iterations than this make dt grow.
-    growth : float
-        By this factor (the paper's 2) ...
-    easy_growth : float
-        ... and by this one after ``easy`` iterations or fewer.
-    easy : int
-        See above; 0 for the paper's rule.
-    shrink : float
-        A failed update is repeated with dt divided by this.
-    end : float
-        The transient term is removed when dt exceeds this.
-    smallest : float
-        Give up below this dt. Both in units of the paper's domain, see `time_unit`.
-    """
-
-    few: int = 6
-    growth: float = 2.0
-    easy_growth: float = 5.0
-    easy: int = 3
-    shrink: float = 4.0
-    end: float = 1e20
-    smallest: float = 1e-8
-
-    def grown(self, dt: float, iterations: int) -> float:
-        """Next dt after an accepted update that took so many Newton iterations."""
-        if iterations <= self.easy:
-            return dt * self.easy_growth
-        return dt * self.growth if iterations < self.few else dt
-
-
-PAPER_RULE = StepRule(easy=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,68 +83,6 @@ class Result:
     q: FloatArray
     converged: bool
     message: str
-
-
-def time_unit(problem: SpringProblem) -> float:
-    """Size of the domain's volume relative to the paper's 10^4 mm^3; pseudo-time scales with it."""
-    if problem.axisymmetric:
-        return float(np.pi * (problem.L / 2) ** 2 * problem.H / 1e4)
-    return problem.L * problem.H * problem.T / 1e4
-
-
-def start_design(problem: SpringProblem, initial: Start | None) -> Design:
-    """The design to start from: `Design.column` by default."""
-    if initial is None:
-        return Design.column(problem)
-    if isinstance(initial, Design):
-        return initial.with_problem(problem)
-    if callable(initial):
-        return Design.from_function(problem, initial)
-    raise ProblemError(f"initial = {initial!r} is neither a Design nor a function f(x, y)")
-
-
-def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics], list[Equilibrium]]:
-    """Forward solution at every control point from the undeformed state (chi: coefficients).
-
-    Raises
-    ------
-    ConvergenceError
-        If a load path ends before its control point.
-    """
-    full = system.extraction_chi @ chi
-    mechanics: dict[float, Mechanics] = {}
-    reached: dict[tuple[float, float], Equilibrium] = {}
-    for eta in dict.fromkeys(point.eta for point in system.points):
-        body = Mechanics(system.scalar, full, eta, system.solver, system.threads)
-        mechanics[eta] = body
-        for sign in (1.0, -1.0):
-            targets = sorted(
-                {p.d for p in system.points if p.eta == eta and p.d * sign > 0}, key=abs
-            )
-            path, message = follow(body, np.array(targets))
-            if message:
-                raise ConvergenceError(message)
-            for equilibrium in path:
-                reached[eta, equilibrium.d] = equilibrium
-    bodies = [mechanics[point.eta] for point in system.points]
-    return bodies, [reached[point.eta, point.d] for point in system.points]
-
-
-def initial_state(system: CoupledSystem, design: Design) -> State:
-    """Equilibrium (Eq. 4) and adjoint (Eq. 7) states of a design.
-
-    Raises
-    ------
-    ConvergenceError
-        If a load path ends before its control point.
-    """
-    chi = design.coefficients.ravel()
-    bodies, points = equilibria(system, chi)
-    lam = [
-        body.adjoint(equilibrium, control.weight * (equilibrium.q - control.q))
-        for body, equilibrium, control in zip(bodies, points, system.points, strict=True)
-    ]
-    return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
 
 
 def optimize(
@@ -479,14 +375,3 @@ class _Run:
         update = Update(accepted, dict(row), dt, reason, self.design())
         for observer in self.observers:
             observer(update)
-
-
-__all__ = [
-    "PAPER_RULE",
-    "ConvergenceError",
-    "Observer",
-    "Result",
-    "StepRule",
-    "Update",
-    "optimize",
-]

@@ -15,14 +15,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from ngspring.lagrangian import ControlPointForm, DesignForm, csr_pattern
+from ngspring.blocks import BlockMaps
+from ngspring.lagrangian import ControlPointForm, DesignForm
 from ngspring.linear import Factorization, make_factorization
 from ngspring.problem import SpringProblem
-from ngspring.reduction import Pattern, product_map, product_pattern, scatter_map
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
-from ngspring.splines import FloatArray, IntArray
+from ngspring.splines import FloatArray
 from ngspring.threads import release_memory
-from ngspring.void import VoidBlocks
 
 
 class LinearSolveError(ArithmeticError):
@@ -128,7 +127,7 @@ class CoupledSystem:
         self._targets = np.array([point.q for point in self.points])
         self._chi_unit = 1.0
         self._scale = 1.0
-        self._maps: _Maps | None = None
+        self._maps: BlockMaps | None = None
         self._factorization: Factorization | None = None
 
     # -- vectors ---------------------------------------------------------------------------------
@@ -197,7 +196,7 @@ class CoupledSystem:
         """
         maps = self._maps
         if maps is None:
-            maps = self._maps = _Maps(self, state)
+            maps = self._maps = self._build_maps(state)
             release_memory()
         start = time.perf_counter()
         # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
@@ -241,6 +240,18 @@ class CoupledSystem:
         except Exception as error:
             raise LinearSolveError(f"the factorisation failed: {error}") from error
         self.timings.add("factorisation", start)
+
+    def _build_maps(self, state: State) -> BlockMaps:
+        vector = self.control_point_vector(state, 0)
+        self.control_point.tangent(vector, 0.0)
+        self.design.tangent_nonlinear(vector[: self.scalar.ndof])
+        return BlockMaps(
+            self.control_point,
+            self.design,
+            self.extraction_chi,
+            self.extraction_u,
+            len(self.points),
+        )
 
     @property
     def unknowns(self) -> int:
@@ -333,134 +344,3 @@ class CoupledSystem:
         if (error > coarse).any():
             raise LinearSolveError(f"linear residual {self.linear_error:.1e} of its terms")
         return self._unpack(x)
-
-
-class _Maps:
-    """Patterns and index maps from NGSolve's stored values to the lower triangle of the system."""
-
-    def __init__(self, system: CoupledSystem, state: State) -> None:
-        form, design, scalar = system.control_point, system.design, system.scalar
-        vector = system.control_point_vector(state, 0)
-        form.tangent(vector, 0.0)
-        design.tangent_nonlinear(vector[: scalar.ndof])
-        n, nc, free = scalar.ndof, system.coefficients, system.free
-        chi, u = system.extraction_chi, system.extraction_u
-        inner_u = u[:, :free].tocsr()
-        rows, columns = csr_pattern(form.form)
-        block_row = np.searchsorted([n, 3 * n], rows, side="right").astype(np.int8)
-        block_column = np.searchsorted([n, 3 * n], columns, side="right").astype(np.int8)
-        table = form.void.table.dofs
-        void_rows, void_columns = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
-        both_rows = np.concatenate([void_rows, void_rows + n])
-        both_columns = np.concatenate([void_columns, void_columns + n])
-        chi_rows = np.concatenate([void_rows, void_rows])
-
-        self._entries: dict[str, IntArray] = {}
-        self._maps: dict[str, sp.csr_matrix] = {}
-        self._void_maps: dict[str, sp.csr_matrix] = {}
-        self.patterns: dict[str, Pattern] = {}
-        first = (0, n, 3 * n)
-
-        def add(
-            name: str,
-            blocks: tuple[int, int],
-            left: sp.csr_matrix,
-            right: sp.csr_matrix,
-            void_entries: tuple[IntArray, IntArray] | None,
-        ) -> None:
-            entries = np.flatnonzero((block_row == blocks[0]) & (block_column == blocks[1]))
-            r = rows[entries] - first[blocks[0]]
-            c = columns[entries] - first[blocks[1]]
-            pattern = product_pattern(r, c, left, right)
-            self.patterns[name] = pattern
-            self._entries[name] = entries.astype(np.int32)
-            self._maps[name] = product_map(r, c, left, right, pattern)
-            if void_entries is not None:
-                self._void_maps[name] = scatter_map(r, c, right.shape[0], *void_entries)
-
-        add("chi_chi", (0, 0), chi, chi, (void_rows, void_columns))
-        add("chi_u", (0, 1), chi, inner_u, (chi_rows, both_columns))
-        add("chi_lam", (0, 2), chi, u, (chi_rows, both_columns))
-        add("u_u", (1, 1), inner_u, inner_u, None)
-        add("u_lam", (1, 2), u, u, (both_rows, both_columns))
-
-        # The forms of C_chi live on the same pattern as the chi-chi block.
-        chi_entries = self._entries["chi_chi"]
-        for form_of_chi in (design.nonlinear, design.transient, design.terms["curvature"]):
-            r, c = csr_pattern(form_of_chi)
-            if not (
-                np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
-            ):
-                raise AssertionError("the patterns of the forms of chi differ")
-        reduction = self._maps["chi_chi"]
-        self._transient = reduction @ design.transient.mat.AsVector().FV().NumPy()
-        self._curvature = reduction @ design.terms["curvature"].mat.AsVector().FV().NumPy()
-        self._arrange(system, nc, free)
-
-    def _arrange(self, system: CoupledSystem, nc: int, free: int) -> None:
-        """Where each block's values go in the lower triangle of the whole."""
-        top_column = self.patterns["chi_lam"].columns == free
-        self.chi_top = np.flatnonzero(top_column)
-        chi_inner = np.flatnonzero(~top_column)
-        chi_u, chi_lam = self.patterns["chi_u"], self.patterns["chi_lam"]
-        if not (
-            np.array_equal(chi_lam.rows[chi_inner], chi_u.rows)
-            and np.array_equal(chi_lam.columns[chi_inner], chi_u.columns)
-        ):
-            raise AssertionError("the patterns of u and lam differ")
-        self.chi_inner = chi_inner
-        uu, ul = self.patterns["u_u"], self.patterns["u_lam"]
-        self.inner = np.flatnonzero((ul.rows < free) & (ul.columns < free))
-        self.inner_lower = np.flatnonzero(uu.columns <= uu.rows)
-        self.top = np.flatnonzero((ul.rows == free) & (ul.columns < free))
-        cc = self.patterns["chi_chi"]
-        self.chi_diagonal = np.flatnonzero(cc.columns == cc.rows)
-        self.chi_lower = np.flatnonzero(cc.columns <= cc.rows)
-
-        rows = [cc.rows[self.chi_lower]]
-        columns = [cc.columns[self.chi_lower]]
-        for j in range(len(system.points)):
-            a = nc + j * (2 * free + 1)
-            b, top = a + free, a + 2 * free
-            lower = self.inner_lower
-            top_only = np.full(len(self.top), top)
-            rows += [chi_u.columns + a, chi_u.columns + b, uu.rows[lower] + a, uu.rows + b]
-            columns += [chi_u.rows, chi_u.rows, uu.columns[lower] + a, uu.columns + a]
-            rows += [uu.rows[lower] + b, np.full(len(self.chi_top), top), top_only, top_only]
-            columns += [uu.columns[lower] + b, chi_lam.rows[self.chi_top]]
-            columns += [ul.columns[self.top] + a, ul.columns[self.top] + b]
-            rows.append(np.array([top]))
-            columns.append(np.array([top]))
-        size = system.unknowns
-        keys = np.concatenate(rows).astype(np.int64) * size + np.concatenate(columns)
-        self.order = np.argsort(keys, kind="stable").astype(np.int32)
-        pattern = Pattern(keys[self.order], (size, size))
-        self.lower = pattern.matrix(np.ones(len(keys)))
-        self._diagonal = self.lower.indptr[1:] - 1
-        if not np.array_equal(self.lower.indices[self._diagonal], np.arange(size)):
-            raise AssertionError("the Newton matrix lacks a diagonal entry")
-
-    def diagonal(self) -> FloatArray:
-        return np.asarray(self.lower.data[self._diagonal])
-
-    def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
-        """Second derivative of C_chi on the chi-chi pattern."""
-        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._curvature
-        return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
-
-    def reduce(self, values: FloatArray, void: VoidBlocks) -> dict[str, FloatArray]:
-        """Blocks of one control point on the independent unknowns."""
-        stiffness = void.stiffness.ravel()
-        element = {
-            "chi_chi": void.chi_chi.ravel(),
-            "chi_u": void.chi_u.ravel(),
-            "chi_lam": void.chi_lam.ravel(),
-            "u_lam": np.concatenate([stiffness, stiffness]),
-        }
-        block = {}
-        for name, reduction in self._maps.items():
-            stored = values[self._entries[name]]
-            if name in element:
-                stored += self._void_maps[name] @ element[name]
-            block[name] = reduction @ stored
-        return block

@@ -11,7 +11,8 @@ import numpy as np
 
 from ngspring.design import Design
 from ngspring.errors import ProblemError
-from ngspring.mechanics import Equilibrium, Mechanics, follow
+from ngspring.mechanics import Equilibrium, Mechanics
+from ngspring.path import follow
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ngspring.design import Design
-from ngspring.evolution import initial_state
 from ngspring.kkt import CoupledSystem
 from ngspring.splines import FloatArray
+from ngspring.start import initial_state
 from ngspring.threads import parallel
 
 

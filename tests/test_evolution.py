@@ -14,7 +14,7 @@ import pytest
 
 import ngspring
 from ngspring import ControlPoint, Design, ProblemError, Result, StepRule, Update
-from ngspring.evolution import PAPER_RULE
+from ngspring.steprule import PAPER_RULE
 
 # Small enough to converge in seconds; the interface width is that of Table 1 in element sizes.
 SMALL = ngspring.cases["C4"].replace(elements=8, l_i=10.0)

@@ -9,12 +9,12 @@ import pytest
 
 from ngspring import cases, load_displacement
 from ngspring.design import Design
-from ngspring.evolution import initial_state
 from ngspring.kkt import CoupledSystem
 from ngspring.lagrangian import DesignForm
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray
+from ngspring.start import initial_state
 
 
 class Objective:

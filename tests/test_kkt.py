@@ -10,10 +10,10 @@ from conftest import Flat, rough_coefficients
 
 from ngspring.design import Design
 from ngspring.errors import ProblemError
-from ngspring.evolution import initial_state
 from ngspring.kkt import CoupledSystem, LinearSolveError, State
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.splines import FloatArray
+from ngspring.start import initial_state
 
 needs_pardiso = pytest.mark.skipif(
     importlib.util.find_spec("pypardiso") is None, reason="pypardiso is not installed"

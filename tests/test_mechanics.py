@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from ngspring import load_displacement
 from ngspring.design import Design
 from ngspring.errors import ConvergenceError, NgspringError, ProblemError
-from ngspring.mechanics import Mechanics, follow
+from ngspring.mechanics import Mechanics
+from ngspring.path import follow
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response
 from ngspring.spaces import Grid, ScalarSpace
