@@ -33,6 +33,7 @@ class Elimination:
     """
 
     MAX_ITERATIONS = 12
+    MAX_SETTLING = 40
 
     def __init__(
         self, system: CoupledSystem, threshold: float = 1e-3, accuracy: float = 1e-6
@@ -110,8 +111,8 @@ class Elimination:
                     break
                 step /= 2
                 if step < 1e-3:
-                    return body.settle(d, start, accuracy)
+                    return body.settle(d, start, accuracy, self.MAX_SETTLING)
             u, force = trial, trial_force
             if trial_norm <= accuracy:
                 return u, -body.solve_linear(column)
-        return body.settle(d, start, accuracy)
+        return body.settle(d, start, accuracy, self.MAX_SETTLING)
