@@ -278,8 +278,8 @@ class _Run:
                 self.previous, self.dt_previous = self.state, dt
                 self.state = outcome.state
                 self.rows.append(self._row(dt, outcome.iterations, rejected, rejected_iterations))
+                self.dt = self.rule.grown(dt, outcome.iterations, rejected)
                 rejected = rejected_iterations = 0
-                self.dt = self.rule.grown(dt, outcome.iterations)
                 self._save()
                 self._tell(True, dt, "")
                 if np.isinf(dt):

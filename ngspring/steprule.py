@@ -39,9 +39,13 @@ class StepRule:
     end: float = 1e20
     smallest: float = 1e-8
 
-    def grown(self, dt: float, iterations: int) -> float:
-        """Next dt after an accepted update that took so many Newton iterations."""
-        if iterations <= self.easy:
+    def grown(self, dt: float, iterations: int, rejected: int = 0) -> float:
+        """Next dt after an accepted update that took so many Newton iterations.
+
+        Right after ``rejected`` attempts with a larger dt there is no easy growth: the limit is
+        near.
+        """
+        if iterations <= self.easy and not rejected:
             return dt * self.easy_growth
         return dt * self.growth if iterations < self.few else dt
 

@@ -155,7 +155,8 @@ def test_dt_follows_the_step_rule_up_to_1e20(run: Run, by_the_paper: Result, rul
     grown = StepRule().grown if rule == "default" else PAPER_RULE.grown
     rows = history.rows()[1:]
     for before, after in itertools.pairwise(rows[:-1]):
-        dt = grown(before["dt"], int(before["newton_iterations"])) / 4 ** after["rejected"]
+        dt = grown(before["dt"], int(before["newton_iterations"]), int(before["rejected"]))
+        dt /= 4 ** after["rejected"]
         assert after["dt"] == pytest.approx(dt, rel=1e-12)
         assert after["dt"] <= 1e20
     assert grown(rows[-2]["dt"], int(rows[-2]["newton_iterations"])) > 1e20
@@ -363,6 +364,7 @@ def test_the_default_rule_never_grows_less_than_the_paper_s_and_ends_at_the_same
     rule = StepRule()
     for iterations in range(1, 12):
         assert rule.grown(1.0, iterations) >= PAPER_RULE.grown(1.0, iterations)
+        assert rule.grown(1.0, iterations, 1) == PAPER_RULE.grown(1.0, iterations)
     assert (rule.end, rule.shrink) == (PAPER_RULE.end, PAPER_RULE.shrink)
 
 
