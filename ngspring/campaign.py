@@ -149,13 +149,13 @@ class Campaign:
         names: dict[str, str] = {}
         for run in self.runs:
             # Some file systems do not tell upper from lower case.
-            other = names.setdefault(run.name.casefold(), run.name)
-            if names[run.name.casefold()] is not run.name:
+            folded = run.name.casefold()
+            if folded in names:
                 raise ProblemError(
-                    f"two runs are named {shown(run.name)}"
-                    + (f" and {shown(other)}" if other != run.name else "")
-                    + ": give each a name of its own"
+                    f"two runs would share a folder, {shown(names[folded])} and"
+                    f" {shown(run.name)}: give each a name of its own"
                 )
+            names[folded] = run.name
         graph = {run.name: [run.after] if run.after else [] for run in self.runs}
         for run in self.runs:
             if run.after and run.after not in graph:
@@ -192,7 +192,7 @@ def read_campaign(path: str | os.PathLike[str]) -> Campaign:
         raise ProblemError(f"{str(path)!r}: {error}") from error.__cause__
 
 
-def parse_campaign(text: str, folder: Path = Path()) -> Campaign:  # noqa: B008
+def parse_campaign(text: str, folder: Path = Path()) -> Campaign:
     """Read a campaign from TOML text; the paths in it are relative to ``folder``.
 
     Raises
@@ -207,7 +207,7 @@ def parse_campaign(text: str, folder: Path = Path()) -> Campaign:  # noqa: B008
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise ProblemError(f"not valid TOML: {reason}") from error
-    _check_keys(values, ("run",), "")
+    _check_keys(values, ("run",))
     tables = values.get("run", [])
     if not isinstance(tables, list):
         raise ProblemError(f"run = {shown(tables)} is not valid: it must be [[run]] tables")
@@ -230,7 +230,7 @@ def parse_campaign(text: str, folder: Path = Path()) -> Campaign:  # noqa: B008
 
 def _runs(table: Mapping[str, Any], folder: Path) -> Iterator[Run]:
     """The runs that a [[run]] table stands for."""
-    _check_keys(table, KEYS, "")
+    _check_keys(table, KEYS)
     problem, name = _problem(table, folder)
     if "name" in table:
         name = table["name"]
@@ -263,9 +263,7 @@ def _problem(table: Mapping[str, Any], folder: Path) -> tuple[SpringProblem, str
         points = [point for point in problem.control_points if not point.eta]
         problem = problem.replace(control_points=points)
     if "elements" in table:
-        # The problem refuses what is not an even integer before sizes are compared.
-        elements = problem.replace(elements=table["elements"]).elements
-        problem = on_mesh(problem, elements)[0]
+        problem = on_mesh(problem, table["elements"])[0]
     return problem, name
 
 
@@ -307,12 +305,10 @@ def _design(text: str, folder: Path) -> str:
     return text
 
 
-def _check_keys(table: Mapping[str, object], keys: tuple[str, ...], where: str) -> None:
+def _check_keys(table: Mapping[str, object], keys: tuple[str, ...]) -> None:
     for key in table:
         if key not in keys:
-            raise ProblemError(
-                f"unknown key {shown(key)}{where}: did you mean {nearest(key, keys)!r}?"
-            )
+            raise ProblemError(f"unknown key {shown(key)}: did you mean {nearest(key, keys)!r}?")
 
 
 def _check_name(name: object) -> None:

@@ -18,9 +18,11 @@ import click
 
 from ngspring import __version__
 from ngspring.arguments import make_folder, on_mesh, read_design, read_problem, read_start
+from ngspring.campaign_cli import campaign_command
 from ngspring.cases import cases
 from ngspring.errors import ConvergenceError, NgspringError, ProblemError
 from ngspring.problem import DOMAINS
+from ngspring.stability_cli import stability_command
 
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 SOLVERS = ("auto", "sparsecholesky", "pardiso")
@@ -387,6 +389,9 @@ def bench_command(
     result = benchmark(problem, threads=threads, solver=solver, repeat=repeat)
     make_console().print(bench_table(problem, result))
     return OK
+
+
+cli.commands.update(campaign=campaign_command, stability=stability_command)
 
 
 def main() -> None:

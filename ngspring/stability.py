@@ -1,35 +1,34 @@
-"""Does a spring stay symmetric? Lowest eigenvalues of the full-domain tangent (issue 3, item 5).
+"""Does a spring stay symmetric? Lowest eigenvalues of the full-domain tangent along a load path.
 
-A design is doubly symmetric and its load path is followed on one quarter, which allows symmetric
-deformation only. Here the same states are mirrored to the full domain, where nothing but the
-boundary conditions of 2.5 restricts the displacements, and the tangent K at a prescribed d is
-examined: while K is positive definite the symmetric state is a minimum of the energy under
-displacement control; where its lowest eigenvalue becomes negative the spring leaves the path.
+A design is doubly symmetric, and its load path is followed on one quarter, where nothing but
+symmetric deformation is possible. Here the same states are mirrored to the full domain, where only
+the boundary conditions of 2.5 restrict the displacements, and the tangent K at a prescribed d is
+examined: while it is positive definite, the state is a minimum of the energy under displacement
+control; where its lowest eigenvalue becomes negative, the spring leaves the symmetric path (a mode
+that is antisymmetric in x or in y) or snaps (a symmetric one).
 
-Which eigenvalues
------------------
-``K v = lambda M v`` with M the *linear-elastic stiffness of the undeformed design*, E(chi)
-included and the void regularisation left out: ``v.M v`` is twice the energy that v would cost in
-small strains. lambda is then a pure number, the share of its stiffness that the weakest
-deformation has left, and does not depend on the mesh. At rest it is 1 (K = M plus the void
-regularisation), where prestress acts linearly it is ``1 - load / buckling load``, at a critical
-point it is 0. The sign of the lowest eigenvalue, and how many are negative, do not depend on M
-(Sylvester); its size does:
+**Which eigenvalues.** ``K v = lambda M v``, M the *linear-elastic stiffness of the undeformed
+design*, E(chi) included and the void regularisation left out. lambda is then a pure number that
+does not depend on the mesh: the share of its stiffness that the weakest deformation has left. It
+is 1 at rest, falls like ``1 - load / buckling load`` where prestress acts linearly, and is 0 at a
+critical point. The signs do not depend on the choice of M (Sylvester), sizes and order do:
 
-- with the plain L2 mass the void's modes, a million times softer than the solid's, come first;
-- with an E(chi)-weighted mass a column that is free to move sideways in the void, or an island of
-  grey, comes first: a mechanism that only the void holds, nearly zero and harmless. With M as
-  above the void holds itself (lambda of 1 or, with the regularisation, much more).
+- with a plain L2 mass the void's own modes, a million times softer than the solid's, come first;
+- with a mass that is weighted with E(chi), mechanisms come first: a column that may move sideways
+  in the void, an island of grey. Nothing but void holds them, so their eigenvalues are nearly zero
+  and hide the spring's. Measured with M they have about 1, or more by the regularisation.
 
-Whether a mode is the spring's or the third medium's own is seen from where it strains the
-material, see `Mode.shares`. Axisymmetric springs are examined for axisymmetric modes only.
+Whether a mode is the spring's own or one of the third medium (grey cells that are stretched
+several times over soften and can fail alone) is told by where it strains the material:
+`Mode.shares`. An axisymmetric spring is examined for axisymmetric modes only.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import ngsolve as ng
 import numpy as np
@@ -41,19 +40,18 @@ from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.mechanics import Equilibrium, Mechanics
 from ngspring.path import follow
 from ngspring.problem import SpringProblem
-from ngspring.response import nodal_values
+from ngspring.response import _checked, nodal_values
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray
 from ngspring.states import curve_displacements
 from ngspring.threads import parallel
-from ngspring.void import smooth_step
 
 logger = logging.getLogger(__name__)
 
-#: Eigenvalues smaller than this in size are zero within rounding (a mechanism, not an instability).
+#: Eigenvalues smaller than this in size are zero within rounding: a mechanism, no instability.
 ZERO = 1e-8
-_MOST_NEGATIVE = 24
-_VOID = -5.0
+#: At most so many negative eigenvalues are computed (all of them are counted).
+MOST_NEGATIVE = 24
 _KINDS = ("solid", "grey", "void")
 
 
@@ -64,24 +62,21 @@ class Mode:
     Attributes
     ----------
     eigenvalue : float
-        lambda, see the module's description.
-    nodes : array (2, nx, ny)
-        The mode at the vertices, edge middles and centres of the full domain's mesh; largest
-        component 1.
+        lambda, see the description of the module.
     shares : tuple of 3 float
-        Parts of the mode's strain energy in solid (chi >= 0), grey (-5 < chi < 0) and void. The
-        strain is the one with respect to the deformed state, so that turning a deformed part
-        counts nothing; the energy is the linear-elastic one, scaled with E(chi), and that of the
-        void regularisation.
+        Parts of ``v.M v``, its strain energy, in solid (chi >= 0), grey (-5 < chi < 0) and void.
     parity : tuple of 2 float
-        1 for a mode that is symmetric about x = L/2 (about y = H/2), -1 for an antisymmetric one,
-        in between for a mixture. Symmetric about both: the mode of the quarter.
+        1 if the mode is symmetric about x = L/2 (y = H/2), -1 if antisymmetric, in between if it
+        is a mixture. A mode that is symmetric about both is one of the quarter.
+    nodes : array (2, nx, ny)
+        The mode at vertices, edge middles and centres of the full domain's mesh (the half left of
+        the axis if axisymmetric); its largest entry is 1.
     """
 
     eigenvalue: float
-    nodes: FloatArray
     shares: tuple[float, float, float]
     parity: tuple[float, float]
+    nodes: FloatArray
 
     @property
     def kind(self) -> str:
@@ -91,9 +86,17 @@ class Mode:
     @property
     def symmetry(self) -> tuple[str, str]:
         """In x and in y: "symmetric", "antisymmetric" or "mixed"."""
-        names = ["mixed" if abs(p) < 0.9 else "symmetric" if p > 0 else "antisymmetric"
-                 for p in self.parity]
-        return names[0], names[1]
+        x, y = (
+            "mixed" if abs(p) < 0.9 else "symmetric" if p > 0 else "antisymmetric"
+            for p in self.parity
+        )
+        return x, y
+
+    @property
+    def symmetry_text(self) -> str:
+        """Symmetry in words."""
+        x, y = self.symmetry
+        return f"{x} in x and y" if x == y else f"{x} in x, {y} in y"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,16 +108,17 @@ class StabilityPoint:
     d, q : float
         Displacement in mm and reaction force in N.
     modes : tuple of Mode
-        Those with the lowest eigenvalues, in increasing order: all negative ones as far as they
-        are known (at most 24), and a few positive ones.
+        The lowest ones in increasing order: all with a negative eigenvalue (the 24 nearest zero if
+        there are more; those nearest zero if the linear solver does not count) and a few more.
     negative : int or None
-        How many eigenvalues are negative by the inertia of the factorisation, an independent
-        count; None if the linear solver does not tell.
+        Number of negative eigenvalues by the inertia of the factorisation, a count that owes
+        nothing to the eigenvalue solver; None if the linear solver does not count (only PARDISO
+        does).
     imbalance : float
-        Norm of the forces on the full domain's free displacements at the mirrored state relative
-        to the force q (to the stiffness times 1e-3 H near rest): rounding.
+        Norm of the forces on the full domain's free displacements, relative to the reaction force
+        plus the one at 0.1 % strain: rounding errors, if the mirrored state is in equilibrium.
     u : array (2, nx, ny)
-        The mirrored state at the nodes of the full domain's mesh in mm.
+        The mirrored state in mm at the places of `Mode.nodes`.
     """
 
     d: float
@@ -124,10 +128,6 @@ class StabilityPoint:
     imbalance: float
     u: FloatArray
 
-    def lowest_of(self, kind: str | None = None) -> Mode | None:
-        """The lowest mode, or the lowest of a kind; None if no computed mode is of this kind."""
-        return next((m for m in self.modes if kind is None or m.kind == kind), None)
-
     @property
     def lowest(self) -> float:
         """The lowest eigenvalue."""
@@ -135,33 +135,50 @@ class StabilityPoint:
 
     @property
     def verdict(self) -> str:
-        """"stable", "neutral" (zero within rounding) or "unstable"."""
-        if self.lowest < -ZERO:
+        """One of "stable", "neutral" (zero within rounding) and "unstable"."""
+        if self.unstable_mode() is not None:
             return "unstable"
         return "neutral" if self.lowest <= ZERO else "stable"
+
+    def unstable_mode(self, kind: str | None = None) -> Mode | None:
+        """The mode with the lowest eigenvalue (of this kind) if that is negative."""
+        modes = (mode for mode in self.modes if kind in (None, mode.kind))
+        lowest = next(modes, None)
+        return None if lowest is None or lowest.eigenvalue >= -ZERO else lowest
+
+    def like(self, mode: Mode) -> Mode | None:
+        """The lowest mode here with the kind and symmetry of another."""
+        wanted = mode.kind, mode.symmetry
+        return next((m for m in self.modes if (m.kind, m.symmetry) == wanted), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Critical:
-    """Where the lowest eigenvalue of all modes, or of those in the solid, becomes zero.
+    """Where the path loses its stability on the way from rest.
 
     Attributes
     ----------
-    d, q : float
-        Displacement in mm and reaction force in N.
-    bracket : tuple of 2 float
-        Displacements of the last stable and the first unstable state computed.
     point : StabilityPoint
-        The computed state nearest to it.
+        The state, computed at the displacement where the eigenvalue is zero by interpolation.
     mode : Mode
-        Its critical mode.
+        The mode with this eigenvalue, as it is in `point`.
+    bracket : tuple of 2 float
+        The nearest displacements in mm computed before, stable and unstable; at most 0.01 H apart.
     """
 
-    d: float
-    q: float
-    bracket: tuple[float, float]
     point: StabilityPoint
     mode: Mode
+    bracket: tuple[float, float]
+
+    @property
+    def d(self) -> float:
+        """Critical displacement in mm."""
+        return self.point.d
+
+    @property
+    def q(self) -> float:
+        """Critical force in N."""
+        return self.point.q
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +188,13 @@ class Stability:
     Attributes
     ----------
     problem : SpringProblem
+    eta : float
+        Offset of chi.
     points : tuple of StabilityPoint
-        One per requested displacement that was reached, in increasing order of d.
+        One for each requested displacement that was reached, in increasing order of d.
     critical : tuple of Critical
-        First loss of stability on the way from rest, in compression and in tension, if any.
-        Where it is one of grey or void, a later one of the solid follows it, if any.
+        First loss of stability in compression and in tension, if any. If its mode is one of grey
+        or void, it is followed by the first one in the solid, if any.
     rest : float
         The lowest eigenvalue at d = 0.
     complete : bool
@@ -185,6 +204,7 @@ class Stability:
     """
 
     problem: SpringProblem
+    eta: float
     points: tuple[StabilityPoint, ...]
     critical: tuple[Critical, ...]
     rest: float
@@ -208,26 +228,25 @@ class Stability:
 
     @property
     def stable(self) -> bool:
-        """Whether no computed state is unstable."""
-        return not self.critical and all(p.verdict != "unstable" for p in self.points)
+        """Whether no unstable state was found."""
+        return not self.critical
 
     @property
     def spring_stable(self) -> bool:
-        """Whether no computed state has an unstable mode that lives in the solid."""
-        modes = [m for p in (*self.points, *(c.point for c in self.critical)) for m in p.modes]
-        return not any(mode.kind == "solid" and mode.eigenvalue < -ZERO for mode in modes)
+        """Whether no unstable mode in the solid was found, whatever grey and void do."""
+        return all(critical.mode.kind != "solid" for critical in self.critical)
 
 
 def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float) -> FloatArray:
-    """A quarter's displacement field on the full domain, dofs of the VectorH1 spaces.
+    """A quarter's displacements on the full domain (dofs of the VectorH1 spaces).
 
-    ``u_x(L - x, y) = -u_x(x, y)`` and ``u_y(x, H - y) = d - u_y(x, y)``: exact, because the basis
-    is hierarchical. A bubble's dof is mirrored like the field; the constant d has no bubbles.
+    ``u_x(L - x, y) = -u_x(x, y)`` and ``u_y(x, H - y) = d - u_y(x, y)``, exact to the last digit
+    because the basis is hierarchical: bubbles are mirrored like values, and d has none.
 
     Parameters
     ----------
     part, whole : ScalarSpace
-        Of domain "quarter" and "full" of the same problem.
+        Of the domains "quarter" and "full".
     field : array (2 ndof of part,)
     d : float
         Displacement of the top side in mm.
@@ -235,90 +254,283 @@ def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float)
     nx, ny = (2 * cells for cells in part.grid.cells)
     i, j = whole.node[:, 0], whole.node[:, 1]
     right, upper = i > nx, j > ny
-    place = np.zeros((nx + 1, ny + 1), dtype=np.int64)
+    place = np.empty((nx + 1, ny + 1), dtype=np.int64)
     place[part.node[:, 0], part.node[:, 1]] = np.arange(part.ndof)
     twin = place[np.where(right, 2 * nx - i, i), np.where(upper, 2 * ny - j, j)]
-    height = part.bubble_value[twin] / whole.bubble_value
-    u_x, u_y = field.reshape(2, -1)[:, twin] * height
-    constant = np.where((i % 2 == 0) & (j % 2 == 0), d, 0.0)
-    return np.concatenate([np.where(right, -u_x, u_x), np.where(upper, constant - u_y, u_y)])
+    u_x, u_y = field.reshape(2, -1)[:, twin]
+    top = np.where(whole.is_vertex(np.arange(whole.ndof)), d, 0.0)
+    return np.concatenate([np.where(right, -u_x, u_x), np.where(upper, top - u_y, u_y)])
 
 
 class FullTangent(Mechanics):
-    """The tangent on the full domain, its inertia and its lowest eigenvalues."""
+    """The tangent on the full domain: its inertia and its lowest modes."""
 
     def __init__(
         self, scalar: ScalarSpace, chi: FloatArray, eta: float, solver: str, threads: int
     ) -> None:
         super().__init__(scalar, chi, eta, solver, threads)
+        self._u.vec[:] = 0.0
         self._form.AssembleLinearization(self._u.vec)
         values = self._map @ self._form.mat.AsVector().FV().NumPy()
         self._mass = self._symmetric(values[self._lower_entries])
-        table = self.void.table
-        self._points = scalar.grid.mesh(table.x.ravel(), table.y.ravel())
-        problem = scalar.grid.problem
-        rho = 1 / (1 + np.exp(-np.clip(self._at_points, -200, 200)))
-        self._stiffness = problem.E_0 + (1 - problem.E_0) * rho / (1 + problem.p * (1 - rho))
-        grey = (self._at_points < 0) & (self._at_points > _VOID)
-        self._regions = (self._at_points >= 0, grey, self._at_points <= _VOID)
-        self._v = ng.GridFunction(self._u.space)
-        self._flips = [self._flip(axis) for axis in (0, 1)]
+        table, problem = self.void.table, scalar.grid.problem
+        self._places = scalar.grid.mesh(table.x.ravel(), table.y.ravel())
+        decay = np.exp(-np.maximum(self._at_points, -200.0))
+        stiffness = problem.E_0 + (1 - problem.E_0) / (1 + (1 + problem.p) * decay)
+        self._weights = stiffness * table.weights
+        self._region = (self._at_points < 0).astype(np.int64) + (self._at_points <= -5)
+        self._twins = [scalar.opposite(np.arange(scalar.ndof), axis) for axis in (0, 1)]
 
     def _symmetric(self, lower_values: FloatArray) -> sp.csr_matrix:
-        lower = sp.csr_matrix(
-            (lower_values, self._lower.indices, self._lower.indptr), shape=self._lower.shape
-        )
+        pattern = self._lower
+        parts = (lower_values, pattern.indices, pattern.indptr)
+        lower = sp.csr_matrix(parts, shape=pattern.shape)
         return sp.csr_matrix(lower + sp.tril(lower, -1).T)
-
-    def _flip(self, axis: int) -> Callable[[FloatArray], FloatArray]:
-        """Mirror image of a field about x = L/2 (axis 0) or y = H/2 (axis 1)."""
-        twin = self.scalar.opposite(np.arange(self.scalar.ndof), axis)
-
-        def flip(field: FloatArray) -> FloatArray:
-            components = field.reshape(2, -1)[:, twin].copy()
-            components[axis] *= -1
-            return components.ravel()
-
-        return flip
 
     def lowest(
         self, d: float, u: FloatArray, count: int
     ) -> tuple[FloatArray, FloatArray, int | None]:
         """Lowest eigenvalues of the tangent at a state.
 
+        Parameters
+        ----------
+        d : float
+        u : array (free,)
+        count : int
+            How many; all negative ones come on top. At rest, where the whole solid has 1, there
+            is only one.
+
         Returns
         -------
-        eigenvalues : array (k,)
-            Increasing.
+        values : array (k,)
+            In increasing order, accurate to four digits.
         vectors : array (free, k)
             With ``v.M v = 1``.
         negative : int or None
-            Number of negative eigenvalues of the whole tangent, if the solver tells.
+            How many are negative by the inertia of the factorisation.
 
         Raises
         ------
         ConvergenceError
-            If the tangent is not finite or the eigenvalues do not converge.
+            If the tangent is not finite, or the eigenvalues do not converge.
         """
         self.assemble(d, u)
         assert self._factorization is not None
         negative = self._factorization.negative_eigenvalues
         tangent = self._symmetric(self._lower.data)
-        parts = [("LA", count), ("SA", min(negative, _MOST_NEGATIVE))] if negative else [("LM", count)]
-        solve = LinearOperator(tangent.shape, matvec=self.solve_linear, dtype=float)
-        start = np.random.default_rng(0).uniform(-1, 1, self.free)
-        values, vectors = [], []
-        for which, k in parts:
+        # Of 1 / lambda: the largest in size; or the largest, and all negative ones.
+        at_rest = d == 0.0
+        wanted = [("LM", 1 if at_rest else count)]
+        if negative:
+            wanted = [("LA", count), ("SA", min(negative, MOST_NEGATIVE))]
+        inverse = LinearOperator(tangent.shape, matvec=self.solve_linear, dtype=float)
+        found = []
+        for which, k in wanted:
             try:
-                # Of 1/lambda: LM those next to zero, LA the positive and SA the negative ones.
-                w, v = eigsh(
-                    tangent, k, self._mass, sigma=0.0, which=which, OPinv=solve, v0=start,
-                    tol=1e-6, ncv=max(40, 2 * k + 10),
+                pair = eigsh(
+                    tangent,
+                    k,
+                    self._mass,
+                    sigma=0.0,
+                    which=which,
+                    OPinv=inverse,
+                    v0=np.random.default_rng(0).uniform(-1, 1, self.free),
+                    ncv=max(40, 2 * k + 10),
+                    tol=1e-2 if at_rest else 1e-4,
                 )
             except ArpackNoConvergence as error:
-                raise ConvergenceError(f"the eigenvalues at d = {d:g} mm: {error}") from None
-            values.append(w)
-            vectors.append(v)
-        value, vector = np.concatenate(values), np.hstack(vectors)
-        order = np.argsort(value)
-        return value[order], vector[:, order], negative
+                raise ConvergenceError(f"eigenvalues at d = {d:g} mm: {error}") from error
+            found.append(pair)
+        values = np.concatenate([pair[0] for pair in found])
+        vectors = np.hstack([pair[1] for pair in found])
+        order = np.argsort(values)
+        return values[order], vectors[:, order], negative
+
+    def mode(self, value: float, v: FloatArray) -> Mode:
+        """Describe an eigenvector."""
+        full = np.asarray(self.extraction @ np.append(v, 0.0))
+        components = full.reshape(2, -1)
+        image_x = (components * [[-1.0], [1.0]])[:, self._twins[0]].ravel()
+        image_y = (components * [[1.0], [-1.0]])[:, self._twins[1]].ravel()
+        product = self._mass @ v
+        parity = [
+            float(product @ self.displacement.restrict(image)[:-1] / (product @ v))
+            for image in (image_x, image_y)
+        ]
+        if self.scalar.grid.half_width:
+            parity[0] = 1.0
+        nodes = np.array([nodal_values(self.scalar, part) for part in components])
+        nodes /= nodes.flat[np.abs(nodes).argmax()]
+        return Mode(value, self._shares(full), (parity[0], parity[1]), nodes)
+
+    def _shares(self, full: FloatArray) -> tuple[float, float, float]:
+        """Parts of v.M v in solid, grey and void."""
+        self._u.vec.FV().NumPy()[:] = full
+        problem = self.scalar.grid.problem
+        a, b, c, e = np.asarray(ng.Grad(self._u)(self._places)).T
+        hoop = np.zeros_like(a)
+        if problem.axisymmetric:
+            u_r = -np.asarray(self._u.components[0](self._places)).ravel()
+            hoop = u_r / (problem.L / 2 - self.void.table.x.ravel())
+        trace = a + e + hoop
+        squared = a**2 + e**2 + hoop**2 + (b + c) ** 2 / 2
+        density = problem.K * trace**2 + 2 * problem.G * (squared - trace**2 / 3)
+        energy = (self._weights.ravel() * density).astype(float)
+        parts = np.bincount(self._region.ravel(), weights=energy, minlength=3)
+        solid, grey, void = (float(part) for part in parts / parts.sum())
+        return solid, grey, void
+
+
+class _Analysis:
+    """A load path on the quarter whose states are examined on the full domain."""
+
+    def __init__(self, design: Design, eta: float, modes: int, solver: str, threads: int) -> None:
+        def prepared(domain: str) -> tuple[ScalarSpace, FloatArray]:
+            scalar = ScalarSpace(Grid(design.problem.replace(domain=domain)))
+            return scalar, spline_extraction(scalar) @ design.coefficients.ravel()
+
+        self.part, chi = prepared("quarter")
+        self.quarter = Mechanics(self.part, chi, eta, solver, threads)
+        self.whole, chi = prepared("full")
+        self.tangent = FullTangent(self.whole, chi, eta, solver, threads)
+        self.modes = modes
+        self.rest = self.quarter.at_rest()
+        self._small = 1e-3 * design.problem.H * self.rest.stiffness
+
+    def examine(self, state: Equilibrium) -> StabilityPoint:
+        """Mirror a state to the full domain and compute its lowest modes."""
+        d, tangent = state.d, self.tangent
+        field = mirrored(self.part, self.whole, self.quarter.full_field(d, state.u), d)
+        u = tangent.displacement.restrict(field)[:-1]
+        forces = tangent.forces(d, u)[:-1]
+        imbalance = float(np.linalg.norm(forces)) / (abs(state.q) + self._small)
+        values, vectors, negative = tangent.lowest(d, u, self.modes)
+        modes = tuple(tangent.mode(float(w), v) for w, v in zip(values, vectors.T, strict=True))
+        found = int((values < 0).sum())
+        if negative is not None and found != min(negative, MOST_NEGATIVE):
+            logger.warning(
+                "d = %g mm: %d negative eigenvalues by inertia, %d found", d, negative, found
+            )
+        logger.info("d = %g mm: lowest eigenvalue %.4g, in %s", d, values[0], modes[0].kind)
+        nodes = np.array([nodal_values(self.whole, part) for part in field.reshape(2, -1)])
+        return StabilityPoint(d, state.q, modes, negative, imbalance, nodes)
+
+    def first_loss(
+        self, side: list[tuple[Equilibrium, StabilityPoint]], kind: str | None
+    ) -> Critical | None:
+        """First loss of stability (by a mode of this kind) along examined states from rest."""
+        for (before, stable), (after, unstable) in pairwise(side):
+            if unstable.unstable_mode(kind) is not None:
+                return self._locate(before, stable, after, unstable, kind)
+        return None
+
+    def _locate(
+        self,
+        before: Equilibrium,
+        stable: StabilityPoint,
+        after: Equilibrium,
+        unstable: StabilityPoint,
+        kind: str | None,
+    ) -> Critical:
+        widest = 0.01 * self.part.grid.problem.H
+        while abs(after.d - before.d) > widest:
+            reached, _ = follow(self.quarter, np.array([(before.d + after.d) / 2]), before)
+            if not reached:
+                break
+            point = self.examine(reached[0])
+            if point.unstable_mode(kind) is None:
+                before, stable = reached[0], point
+            else:
+                after, unstable = reached[0], point
+        mode = unstable.unstable_mode(kind)
+        assert mode is not None
+        bracket = (before.d, after.d)
+        partner = stable.like(mode)
+        # Near the critical point lambda is linear in d; without a partner, halfway.
+        share = 0.5
+        if partner is not None:
+            share = partner.eigenvalue / (partner.eigenvalue - mode.eigenvalue)
+        d = before.d + min(max(share, 0.0), 1.0) * (after.d - before.d)
+        reached, _ = follow(self.quarter, np.array([d]), before)
+        if not reached:
+            return Critical(unstable, mode, bracket)
+        point = self.examine(reached[0])
+        return Critical(point, point.like(mode) or mode, bracket)
+
+
+def stability(
+    design: Design,
+    displacements: Iterable[float] | None = None,
+    *,
+    eta: float = 0.0,
+    modes: int = 6,
+    threads: int | None = None,
+    solver: str = "auto",
+) -> Stability:
+    """Examine whether the symmetric load path of a design is stable under displacement control.
+
+    Parameters
+    ----------
+    design : Design
+    displacements : iterable of float, optional
+        Displacements in mm; by default nine evenly spaced ones between the outermost control
+        points (and zero), the control points, and zero.
+    eta : float
+        Offset of chi: dilation or erosion (2.6).
+    modes : int
+        How many of the lowest modes to compute, on top of all negative ones.
+    threads, solver
+        See `ngspring.optimize`. Without PARDISO negative eigenvalues are found, but not counted
+        independently.
+
+    Returns
+    -------
+    Stability
+
+    Raises
+    ------
+    ProblemError
+        For a displacement that is not a finite number smaller than H in size, an eta that is not
+        finite, or less than one mode.
+    ConvergenceError
+        If eigenvalues do not converge.
+    """
+    problem = design.problem
+    if displacements is None:
+        controls = [point.d for point in problem.control_points]
+        displacements = [0.0, *controls, *curve_displacements(design, points=9)]
+    targets = _checked(displacements, problem)
+    if not np.isfinite(eta):
+        raise ProblemError(f"eta = {eta!r} must be a finite number")
+    if modes < 1:
+        raise ProblemError(f"modes = {modes!r} must be at least 1")
+    with parallel(threads) as count:
+        analysis = _Analysis(design, eta, modes, solver, count)
+        rest = analysis.examine(analysis.rest)
+        points = [rest] if 0.0 in targets else []
+        critical: list[Critical] = []
+        messages = []
+        for targets_of_side in (targets[targets < 0][::-1], targets[targets > 0]):
+            states, message = follow(analysis.quarter, targets_of_side, analysis.rest)
+            if message:
+                logger.warning(message)
+                messages.append(message)
+            examined = [analysis.examine(state) for state in states]
+            points += examined
+            side = [(analysis.rest, rest), *zip(states, examined, strict=True)]
+            first = analysis.first_loss(side, None)
+            if first is not None:
+                critical.append(first)
+                if first.mode.kind != "solid":
+                    further = analysis.first_loss(side, "solid")
+                    critical += [] if further is None else [further]
+    points.sort(key=lambda point: point.d)
+    return Stability(
+        problem=problem,
+        eta=eta,
+        points=tuple(points),
+        critical=tuple(critical),
+        rest=rest.lowest,
+        complete=not messages,
+        message="; ".join(messages),
+    )
