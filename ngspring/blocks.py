@@ -126,8 +126,11 @@ class BlockMaps:
             columns.append(np.array([top]))
         size = nc + points * (2 * free + 1)
         keys = np.concatenate(rows).astype(np.int64) * size + np.concatenate(columns)
-        self.order = np.argsort(keys, kind="stable").astype(np.int32)
-        pattern = Pattern(keys[self.order], (size, size))
+        order = np.argsort(keys, kind="stable")
+        #: where in ``lower.data`` each value goes, block after block
+        self.place = np.empty(len(order), np.int32)
+        self.place[order] = np.arange(len(order), dtype=np.int32)
+        pattern = Pattern(keys[order], (size, size))
         self.lower = pattern.matrix(np.ones(len(keys)))
         self._diagonal = self.lower.indptr[1:] - 1
         if not np.array_equal(self.lower.indices[self._diagonal], np.arange(size)):

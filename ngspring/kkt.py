@@ -13,7 +13,6 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.sparse as sp
 
 from ngspring.blocks import BlockMaps
 from ngspring.lagrangian import ControlPointForm, DesignForm
@@ -203,35 +202,41 @@ class CoupledSystem:
         # chi and digits are lost (s = 1 costs seven of them near the optimum).
         s = self._scale = float(np.clip(np.abs(state.lam).max(), 1e-8, 1.0))
         chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
-        pieces: list[FloatArray] = [chi_chi]
+        values = maps.lower.data
+        place = maps.place
+        filled = len(maps.chi_lower)
+
+        def put(piece: FloatArray) -> None:
+            nonlocal filled
+            values[place[filled : filled + len(piece)]] = piece
+            filled += len(piece)
+
         # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
         diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
         t = self._chi_unit = float(1 / np.sqrt(diagonal)) if 0 < diagonal < np.inf else 1.0
         for j, point in enumerate(self.points):
             vector = self.control_point_vector(state, j)
-            values, void = self.control_point.tangent(vector, point.eta)
+            stored, void = self.control_point.tangent(vector, point.eta)
             start = self.timings.add("assembly", start)
-            block = maps.reduce(values, void)
+            block = maps.reduce(stored, void)
             chi_chi += block["chi_chi"]
             bb, kk = block["u_u"], block["u_lam"]
             inner, inner_lower = maps.inner, maps.inner_lower
-            pieces += [
-                t * (block["chi_u"] + s * block["chi_lam"][maps.chi_inner]),
-                t * (block["chi_u"] - s * block["chi_lam"][maps.chi_inner]),
-                (bb + 2 * s * kk[inner])[inner_lower],
-                bb,
-                (bb - 2 * s * kk[inner])[inner_lower],
-                t * block["chi_lam"][maps.chi_top],
-                kk[maps.top],
-                kk[maps.top],
-                np.array([-1.0 / point.weight]),
-            ]
+            chi_u, chi_lam = t * block["chi_u"], (t * s) * block["chi_lam"][maps.chi_inner]
+            put(chi_u + chi_lam)
+            put(chi_u - chi_lam)
+            bb_lower, kk_lower = bb[inner_lower], (2 * s) * kk[inner][inner_lower]
+            put(bb_lower + kk_lower)
+            put(bb)
+            put(bb_lower - kk_lower)
+            put(t * block["chi_lam"][maps.chi_top])
+            put(kk[maps.top])
+            put(kk[maps.top])
+            put(np.array([-1.0 / point.weight]))
             start = self.timings.add("reduction", start)
-        pieces[0] = t**2 * chi_chi[maps.chi_lower]
-        values = np.concatenate(pieces)[maps.order]
+        values[place[: len(maps.chi_lower)]] = t**2 * chi_chi[maps.chi_lower]
         if not np.isfinite(values).all():
             raise LinearSolveError("the Newton matrix has entries that are not finite")
-        maps.lower.data = values
         start = self.timings.add("reduction", start)
         if self._factorization is None:
             self._factorization = make_factorization(maps.lower, self.solver, self.threads)
@@ -307,7 +312,7 @@ class CoupledSystem:
         The chi rows are about 1e-8 of the mechanical ones, so the linear residual is judged block
         by block (chi, and for each control point adjoint and equilibrium): against the block of
         the right-hand side, or where that is itself mere rounding, against the block of
-        ``|matrix| |solution|``.
+        ``|diagonal| |solution|``.
 
         Raises
         ------
@@ -320,10 +325,7 @@ class CoupledSystem:
         rhs = -self._pack(residual)
         given = self._block_norms(rhs)
         x = self._factorization.solve(rhs)
-        lower = self._maps.lower
-        lower = sp.csr_matrix((np.abs(lower.data), lower.indices, lower.indptr), lower.shape)
-        size = np.abs(x)
-        size = self._block_norms(lower @ size + lower.T @ size)
+        size = self._block_norms(self._maps.diagonal() * x)
         fine = np.maximum(1e-9 * given, 1e-14 * size)
         coarse = np.maximum(1e-3 * given, 1e-6 * size)
         remaining = rhs - self._multiply(x)

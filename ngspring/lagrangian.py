@@ -21,6 +21,7 @@ from scipy.special import expit
 from ngspring import energies
 from ngspring.spaces import Grid, ScalarSpace
 from ngspring.splines import FloatArray, IntArray
+from ngspring.threads import tasks
 from ngspring.void import ElementTable, VoidBlocks, VoidRegularisation, integration_rule
 
 
@@ -70,7 +71,8 @@ class ControlPointForm:
     def residual(self, vector: FloatArray, eta: float) -> FloatArray:
         """First derivative of R, on the dofs of the compound space."""
         at_points = self._load(vector, eta)
-        self.form.Apply(self._state.vec, self._result)
+        with tasks():
+            self.form.Apply(self._state.vec, self._result)
         n = self.ndof
         void = self.void.residual(at_points, vector[n : 3 * n], vector[3 * n :])
         return np.asarray(self._result.FV().NumPy() + np.concatenate(void))
@@ -78,7 +80,8 @@ class ControlPointForm:
     def tangent(self, vector: FloatArray, eta: float) -> tuple[FloatArray, VoidBlocks]:
         """Second derivative of R: values on the form's pattern, and the void's blocks."""
         at_points = self._load(vector, eta)
-        self.form.AssembleLinearization(self._state.vec)
+        with tasks():
+            self.form.AssembleLinearization(self._state.vec)
         n = self.ndof
         blocks = self.void.blocks(at_points, vector[n : 3 * n], vector[3 * n :])
         return self.form.mat.AsVector().FV().NumPy(), blocks
@@ -112,7 +115,8 @@ class DesignForm:
         self._chi.vec[:] = 0.0
         self._result = self._chi.vec.CreateVector()
         for form in (self.transient, self.terms["curvature"]):
-            form.AssembleLinearization(self._chi.vec)
+            with tasks():
+                form.AssembleLinearization(self._chi.vec)
         self.transient_matrix = form_matrix(self.transient)
         self.curvature_matrix = form_matrix(self.terms["curvature"])
         self._table = ElementTable(scalar)
@@ -125,13 +129,15 @@ class DesignForm:
         if term == "curvature":
             return np.asarray(self.curvature_matrix @ chi)
         self._load(chi)
-        self.terms[term].Apply(self._chi.vec, self._result)
+        with tasks():
+            self.terms[term].Apply(self._chi.vec, self._result)
         return np.array(self._result.FV().NumPy())
 
     def tangent_nonlinear(self, chi: FloatArray) -> FloatArray:
         """Second derivative of the volume and interface terms, on the form's pattern."""
         self._load(chi)
-        self.nonlinear.AssembleLinearization(self._chi.vec)
+        with tasks():
+            self.nonlinear.AssembleLinearization(self._chi.vec)
         return np.asarray(self.nonlinear.mat.AsVector().FV().NumPy())
 
     def values(self, chi: FloatArray) -> dict[str, float]:

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 
 from ngspring.errors import ProblemError
 from ngspring.splines import FloatArray
+from ngspring.threads import tasks
 
 BACKENDS = ("auto", "sparsecholesky", "pardiso")
 
@@ -52,17 +53,20 @@ class SparseCholesky:
             self._matrix = ng.la.SparseMatrixd.CreateFromCOO(
                 rows, lower.indices.astype(np.int32), values, *lower.shape
             )
-            self._inverse = self._matrix.Inverse(inverse="sparsecholesky")
+            with tasks():
+                self._inverse = self._matrix.Inverse(inverse="sparsecholesky")
             self._rhs = self._matrix.CreateColVector()
             self._solution = self._matrix.CreateColVector()
             return
         self._matrix.AsVector().FV().NumPy()[:] = values
-        self._inverse.Update()
+        with tasks():
+            self._inverse.Update()
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `Factorization`."""
         self._rhs.FV().NumPy()[:] = rhs
-        self._solution.data = self._inverse * self._rhs
+        with tasks():
+            self._solution.data = self._inverse * self._rhs
         return np.array(self._solution.FV().NumPy())
 
     @property
@@ -87,7 +91,7 @@ class Pardiso:
             (np.arange(1, lower.nnz + 1), lower.indices, lower.indptr), shape=lower.shape
         ).T.tocsr()
         index_of.sort_indices()
-        self._gather = index_of.data - 1
+        self._gather = (index_of.data - 1).astype(np.int32)
         self._upper = sp.csr_matrix(
             (np.ones(lower.nnz), index_of.indices, index_of.indptr), shape=lower.shape
         )

@@ -20,6 +20,7 @@ from ngspring.linear import Factorization, make_factorization
 from ngspring.reduction import product_map, product_pattern
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, stretched
 from ngspring.splines import FloatArray
+from ngspring.threads import tasks
 from ngspring.void import VoidRegularisation, integration_rule
 
 
@@ -113,7 +114,8 @@ class Mechanics:
 
     def _prepare(self) -> None:
         """Index maps from NGSolve's values to the tangent on the independent displacements."""
-        self._form.AssembleLinearization(self._u.vec)
+        with tasks():
+            self._form.AssembleLinearization(self._u.vec)
         rows, columns = csr_pattern(self._form)
         left = self.extraction
         pattern = product_pattern(rows, columns, left, left)
@@ -157,14 +159,16 @@ class Mechanics:
         """Strain energy E of the whole spring in N mm (with the void's)."""
         full = self._full(d, u)
         self._u.vec.FV().NumPy()[:] = full
-        neo_hookean = float(self._form.Energy(self._u.vec))
+        with tasks():
+            neo_hookean = float(self._form.Energy(self._u.vec))
         return neo_hookean + 0.5 * float(full @ self.void.forces(self._at_points, full))
 
     def forces(self, d: float, u: FloatArray) -> FloatArray:
         """dE/d(u, d): forces on the free displacements, and q as the last entry."""
         full = self._full(d, u)
         self._u.vec.FV().NumPy()[:] = full
-        self._form.Apply(self._u.vec, self._result)
+        with tasks():
+            self._form.Apply(self._u.vec, self._result)
         total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
         return np.asarray(self._transposed @ total)
 
@@ -179,7 +183,8 @@ class Mechanics:
             If an entry is not finite or the factorisation fails.
         """
         self._u.vec.FV().NumPy()[:] = self._full(d, u)
-        self._form.AssembleLinearization(self._u.vec)
+        with tasks():
+            self._form.AssembleLinearization(self._u.vec)
         values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._constant
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
@@ -201,7 +206,8 @@ class Mechanics:
         if self._stiff_diagonal is None:
             self._u.vec.FV().NumPy()[:] = 0.0
             form = self._form
-            form.AssembleLinearization(self._u.vec)
+            with tasks():
+                form.AssembleLinearization(self._u.vec)
             values = self._map @ form.mat.AsVector().FV().NumPy() + self._constant
             self._stiff_diagonal = values[self._lower_entries][self._diagonal]
         return self._stiff_diagonal

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import ngsolve as ng
 
@@ -19,17 +20,22 @@ def available() -> int:
 
 @contextmanager
 def parallel(threads: int | None = None) -> Iterator[int]:
-    """Run NGSolve with this many threads (all available ones by default).
+    """Let NGSolve use this many threads (all available ones by default); yields the number.
 
-    With one thread NGSolve's task manager stays off. Yields the number.
+    The threads run only inside `tasks`.
     """
     count = available() if threads is None else threads
     ng.SetNumThreads(count)
-    if count == 1:
-        yield 1
-        return
-    with ng.TaskManager():
-        yield count
+    yield count
+
+
+def tasks() -> contextlib.AbstractContextManager[Any]:
+    """Context for a computation by NGSolve.
+
+    Kept as short as the computation: idle workers of NGSolve spin, and would take the cores from
+    numpy and MKL.
+    """
+    return ng.TaskManager()  # type: ignore[no-any-return]
 
 
 def release_memory() -> None:
