@@ -1,4 +1,4 @@
-"""Pictures of a run and of a design, after Figs. 3 and 5 of the paper.
+"""Pictures of runs, designs and curves, arranged as in the paper.
 
 Figures are plain matplotlib objects on the Agg canvas; no graphical backend is selected.
 """
@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.special import expit
 
 from ngspring.design import Design
 from ngspring.errors import NgspringError
 from ngspring.files import PathLike, replacing
 from ngspring.history import History
 from ngspring.labels import point_label, width_symbol
-from ngspring.problem import SpringProblem
+from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response
 from ngspring.splines import FloatArray
 from ngspring.states import Responses, by_offset, full_displacement, index_of, interpolation
@@ -28,6 +30,7 @@ from ngspring.states import Responses, by_offset, full_displacement, index_of, i
 _CELLS = 320
 _VOID = 0.02
 _SMALL = 8
+_LINES = ("-", "--", "-.", ":")
 
 
 def new_figure(width: float, height: float, constrained: bool = True) -> Figure:
@@ -77,7 +80,6 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             fontsize=_SMALL,
         )
     _draw_log(axes[1], update, history["C"], "C", color="black", marker=".")
-    styles = ("-", "--", "-.", ":")
     for j, point in enumerate(problem.control_points):
         _draw_log(
             axes[2],
@@ -85,7 +87,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             history[f"C_q{j + 1}"],
             "C$_q$",
             color=str(0.15 * (j % 5)),
-            linestyle=styles[j % 4],
+            linestyle=_LINES[j % 4],
             marker="osv^D"[j % 5],
             markersize=3,
             markevery=max(1, len(update) // 25),
@@ -132,13 +134,18 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     return figure
 
 
-def draw_curve(axes: Axes, response: Response, problem: SpringProblem) -> None:
-    """Draw q(d) and the target points."""
+def draw_curve(
+    axes: Axes, response: Response | Mapping[str, Response], problem: SpringProblem
+) -> None:
+    """Draw q(d) and the target points; several curves come by their names."""
+    curves = {"response": response} if isinstance(response, Response) else response
     axes.axhline(0, color="0.7", linewidth=0.8)
     axes.axvline(0, color="0.7", linewidth=0.8)
-    axes.plot(response.d, response.q, color="black", linewidth=1.3, label="response")
-    plain = [point for point in problem.control_points if not point.eta]
-    offset = [point for point in problem.control_points if point.eta]
+    for k, (name, curve) in enumerate(curves.items()):
+        axes.plot(
+            curve.d, curve.q, color="black", linewidth=1.3, linestyle=_LINES[k % 4], label=name
+        )
+    plain, offset = _by_kind(problem)
     for points, fill, name in ((plain, "0.6", "target"), (offset, "none", "target, offset chi")):
         if points:
             axes.plot(
@@ -156,6 +163,57 @@ def draw_curve(axes: Axes, response: Response, problem: SpringProblem) -> None:
     axes.grid(color="0.92")
     axes.margins(0.06)
     axes.legend(fontsize=_SMALL, loc="upper left")
+
+
+def _by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
+    """Control points of the blueprint design, and those with an offset of chi."""
+    plain = [point for point in problem.control_points if not point.eta]
+    return plain, [point for point in problem.control_points if point.eta]
+
+
+def curves_figure(
+    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
+) -> Figure:
+    """Curves of many designs with their target points in one diagram (Figs. 4 and 6).
+
+    Parameters
+    ----------
+    designs : mapping from name to Design
+        None for one that is missing; it is named in the diagram.
+    responses : mapping from name to Response
+        Of the designs that are there.
+    """
+    figure = new_figure(5.6, 4.8)
+    axes = figure.subplots()
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.axvline(0, color="0.7", linewidth=0.8)
+    for k, (name, design) in enumerate(designs.items()):
+        if design is None:
+            continue
+        response = responses[name]
+        grey = str(0.45 * (k % 2))
+        axes.plot(response.d, response.q, color=grey, linestyle=_LINES[k % 4], linewidth=1.3)
+        points = _by_kind(design.problem)[0]
+        places = [point.d for point in points], [point.q for point in points]
+        axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
+        last = max(points, key=lambda point: abs(point.d))
+        axes.annotate(
+            name,
+            (last.d, last.q),
+            xytext=(math.copysign(7, last.d), 0),
+            textcoords="offset points",
+            ha="left" if last.d > 0 else "right",
+            va="center",
+            fontsize=_SMALL + 1,
+        )
+    missing = [name for name, design in designs.items() if design is None]
+    if missing:
+        axes.set_title(f"not in the gallery: {', '.join(missing)}", fontsize=_SMALL)
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("q [N]")
+    axes.grid(color="0.92")
+    axes.margins(0.11, 0.06)
+    return figure
 
 
 # -- design (Fig. 5) -------------------------------------------------------------------------------
@@ -208,8 +266,74 @@ def draw_design(
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
 
 
+def density_figure(design: Design) -> Figure:
+    """The density rho of a design with its scale and the symmetry axes (Fig. 2)."""
+    problem = design.problem
+    figure = new_figure(4.6, 4.0)
+    axes = figure.subplots()
+    x, y = (np.linspace(0, size, _CELLS + 1) for size in (problem.L, problem.H))
+    rho = design.density((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
+    image = axes.pcolormesh(x, y, rho.T, cmap="Greys", vmin=0, vmax=1, rasterized=True)
+    figure.colorbar(image, ax=axes, label="density ρ", shrink=0.8, ticks=[0, 0.25, 0.5, 0.75, 1])
+    axes.axvline(problem.L / 2, color="0.5", linewidth=0.8, linestyle="-.")
+    axes.axhline(problem.H / 2, color="0.5", linewidth=0.8, linestyle="-.")
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel("y [mm]")
+    axes.set_title(_ratio(design), fontsize=10)
+    return figure
+
+
+# -- rows of designs (Figs. 5, 7-11, 14, 16) -------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One state of a design in a row of pictures.
+
+    Attributes
+    ----------
+    title : str
+        One or two lines.
+    design : Design, optional
+        Nothing is drawn without it.
+    d : float
+        Displacement of the top side in mm.
+    displacement : array, optional
+        See `draw_design`.
+    eta : float
+        Offset of chi.
+    note : str
+        What to write in place of a picture.
+    """
+
+    title: str
+    design: Design | None = None
+    d: float = 0.0
+    displacement: FloatArray | None = None
+    eta: float = 0.0
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A row of states, and curves by name at its end (none: no diagram).
+
+    Attributes
+    ----------
+    panels : sequence of Panel
+    problem : SpringProblem, optional
+        Its targets are marked in the diagram.
+    curves : mapping from name to Response
+    """
+
+    panels: Sequence[Panel]
+    problem: SpringProblem | None
+    curves: Mapping[str, Response]
+
+
 def design_figure(design: Design, responses: Responses, curve: Response) -> Figure:
-    """Undeformed design, deformed states at the control points, and the curve: a row of Fig. 5.
+    """Undeformed design, deformed states at all control points, and the curve.
 
     Parameters
     ----------
@@ -220,57 +344,251 @@ def design_figure(design: Design, responses: Responses, curve: Response) -> Figu
         Points of the load-displacement curve.
     """
     problem = design.problem
-    points = problem.control_points
-    highest = problem.H + max(0.0, *(point.d for point in points))
-    low, high = -0.03 * problem.H, highest + 0.03 * problem.H
-    figure = new_figure(10.0, 3.2, constrained=False)
-    all_axes = [figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(k)) for k in range(len(points) + 2)]
-    *all_axes, last = all_axes
-    extents = [draw_design(all_axes[0], design)]
-    symbol = width_symbol(problem)
-    ratio = design.equivalent_width / problem.H
     name = problem.name or "design"
-    all_axes[0].set_title(f"{name}\n{symbol} = {ratio:.4f}", fontsize=_SMALL + 1)
-    for axes, point in zip(all_axes[1:], points, strict=True):
+    panels = _state_panels(name, design, responses, problem.control_points)
+    return rows_figure([Row(panels, problem, {"response": curve})], height=2.2)
+
+
+def gallery_figure(
+    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
+) -> Figure:
+    """One row per design, as in Figs. 5 and 7-11.
+
+    Undeformed, deformed at the control points of the blueprint design, and the curve.
+
+    Parameters
+    ----------
+    designs : mapping from name to Design
+        None for one that is missing; its row is empty and says so.
+    responses : mapping from name to Response
+        Curves of the designs that are there, with the states at the control points.
+    """
+    rows = []
+    for name, design in designs.items():
+        if design is None:
+            rows.append(Row([Panel(name, note="not in\nthe gallery")], None, {}))
+            continue
+        plain = _by_kind(design.problem)[0]
+        panels = _state_panels(name, design, responses[name], plain)
+        problem = design.problem.replace(control_points=plain)
+        rows.append(Row(panels, problem, {"response": responses[name]}))
+    return rows_figure(rows)
+
+
+def robust_figure(
+    designs: Mapping[str, tuple[Design | None, Design | None]],
+    responses: Mapping[str, tuple[Response | None, Response | None]],
+) -> Figure:
+    """Robust design, states of the one that is not, and the curves of both (Fig. 14).
+
+    Parameters
+    ----------
+    designs : mapping from name to (robust, not robust)
+        None for one that is missing.
+    responses : mapping from name to (robust, not robust)
+        Their curves for eta = 0, with the states at the control points.
+    """
+    rows = []
+    for name, (robust, plain) in designs.items():
+        curves = {}
+        panels = []
+        problem = None
+        for design, response, kind in zip(
+            (robust, plain), responses[name], ("robust", "not robust"), strict=True
+        ):
+            title = f"{name}, {kind}"
+            if design is None or response is None:
+                panels.append(Panel(title, note="not in\nthe gallery"))
+                continue
+            points = _by_kind(design.problem)[0]
+            problem = design.problem.replace(control_points=points)
+            curves[kind] = response
+            shown = points if kind == "not robust" else []
+            panels += _state_panels(title, design, response, shown)
+        rows.append(Row(panels, problem, curves))
+    return rows_figure(rows)
+
+
+def snapshots_figure(
+    runs: Mapping[str, Mapping[int, Design]], updates: Sequence[int] | None = None
+) -> Figure:
+    """Designs on the way of several evolutions, one row each (Fig. 16).
+
+    Parameters
+    ----------
+    runs : mapping from name to designs by design update
+        An empty one leaves a row that says so.
+    updates : sequence of int, optional
+        Which of them to show, besides the last of each run; all by default.
+    """
+    rows = []
+    for name, designs in runs.items():
+        panels = [
+            Panel(f"{name}, update {update}\n{_ratio(design)}", design)
+            for update, design in designs.items()
+            if updates is None or update in updates or update == max(designs)
+        ]
+        rows.append(Row(panels or [Panel(name, note="no\nsnapshots")], None, {}))
+    return rows_figure(rows)
+
+
+def _ratio(design: Design) -> str:
+    problem = design.problem
+    return f"{width_symbol(problem)} = {design.equivalent_width / problem.H:.4f}"
+
+
+def _state_panels(
+    name: str, design: Design, responses: Responses, points: Sequence[ControlPoint]
+) -> list[Panel]:
+    """The undeformed design, then its states at some control points."""
+    panels = [Panel(f"{name}\n{_ratio(design)}", design)]
+    for point in points:
         response = by_offset(responses).get(point.eta)
         index = None if response is None else index_of(response, point.d)
-        title = f"{point_label(point)}\n"
+        label = point_label(point)
         if response is None or index is None:
-            title += "not reached"
-            axes.set_aspect("equal")
-        else:
-            extents.append(draw_design(axes, design, full_displacement(response, index), point.eta))
-            title += f"q = {response.q[index]:.4g} N (target {point.q:g})"
-        axes.set_title(title, fontsize=_SMALL + 1)
-    left = min(-0.03 * problem.L, *(extent[0] for extent in extents))
-    right = max(1.03 * problem.L, *(extent[1] for extent in extents))
-    # One scale for all panels, so that the states can be compared.
-    scale = min(2.2 / (high - low), 4.0 / (right - left))
-    panel, panel_height = scale * (right - left), scale * (high - low)
-    first, gap, curve_width = 0.55, 0.12, 2.9
-    after = first + len(all_axes) * (panel + gap) + 0.6
-    width, height = after + curve_width + 0.15, 3.2
-    figure.set_size_inches(width, height)
-    above = 0.5 + (2.2 - panel_height) / 2
-    for k, axes in enumerate(all_axes):
-        place = (first + k * (panel + gap)) / width
-        axes.set_position((place, above / height, panel / width, panel_height / height))
-    last.set_position((after / width, 0.5 / height, curve_width / width, 2.2 / height))
-    for axes, d in zip(all_axes, [0.0, *(point.d for point in points)], strict=True):
-        axes.set_xlim(left, right)
-        axes.set_ylim(low, high)
-        for y in (0.0, problem.H + d):
-            axes.axhline(y, color="0.3", linewidth=0.8)
-        if d:
-            axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
-        if problem.axisymmetric:
-            axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
-        axes.set_xticks([0, problem.L / 2, problem.L])
-        axes.set_yticks([0, problem.H / 2, problem.H])
-        axes.tick_params(labelsize=_SMALL - 1, labelleft=axes is all_axes[0])
-        for side in axes.spines.values():
-            side.set_visible(False)
-        axes.set_xlabel("mm", fontsize=_SMALL)
-    all_axes[0].set_ylabel("mm", fontsize=_SMALL)
-    draw_curve(last, curve, problem)
+            panels.append(Panel(f"{label}\nnot reached", None, point.d))
+            continue
+        title = f"{label}\nq = {response.q[index]:.4g} N (target {point.q:g})"
+        u = full_displacement(response, index)
+        panels.append(Panel(title, design, point.d, u, point.eta))
+    return panels
+
+
+def rows_figure(rows: Sequence[Row], height: float = 1.75) -> Figure:
+    """Rows of states and curves, all states on one scale so that they can be compared.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    height : float
+        Height of a state in inches, less where it would be wider than 4 inches.
+
+    Raises
+    ------
+    NgspringError
+        If there is no state to draw.
+    """
+    panels = [panel for row in rows for panel in row.panels]
+    drawn = [panel.design.problem for panel in panels if panel.design is not None]
+    if not drawn:
+        raise NgspringError("there is no design to draw")
+    L, H = max(problem.L for problem in drawn), max(problem.H for problem in drawn)
+    figure = new_figure(10.0, 3.2, constrained=False)
+
+    def new_axes() -> Axes:
+        return figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(len(figure.axes)))
+
+    states, diagrams = [], []
+    left, right = -0.03 * L, 1.03 * L
+    for row in rows:
+        states.append([new_axes() for _ in row.panels])
+        for axes, panel in zip(states[-1], row.panels, strict=True):
+            axes.set_title(panel.title, fontsize=_SMALL + 1)
+            if panel.design is not None:
+                extent = draw_design(axes, panel.design, panel.displacement, panel.eta)
+                left, right = min(left, extent[0]), max(right, extent[1])
+        diagrams.append(new_axes() if row.curves else None)
+    low, high = -0.03 * H, H + max(0.0, *(panel.d for panel in panels)) + 0.03 * H
+    scale = min(height / (high - low), 4.0 / (right - left))
+    panel_width, panel_height = scale * (right - left), scale * (high - low)
+
+    # All lengths in inches from here on.
+    first, gap, curve_width, below, above = 0.55, 0.12, 1.32 * height, 0.5, 0.5
+    columns = max(len(row.panels) for row in rows)
+    gap = max(gap, 1.75 - panel_width)  # a title is up to 1.65 inches wide
+    after = first + columns * (panel_width + gap) + 0.6
+    width = after + curve_width + 0.15 if any(diagrams) else after - 0.6 + 0.15
+    row_height = height + above
+    total = below + len(rows) * row_height
+    figure.set_size_inches(width, total)
+    lowest = max(i for i, row in enumerate(rows) if any(panel.design for panel in row.panels))
+    for i, (row, row_states, diagram) in enumerate(zip(rows, states, diagrams, strict=True)):
+        bottom = below + (len(rows) - 1 - i) * row_height
+        for k, (axes, panel) in enumerate(zip(row_states, row.panels, strict=True)):
+            x, y = first + k * (panel_width + gap), bottom + (height - panel_height) / 2
+            axes.set_position((x / width, y / total, panel_width / width, panel_height / total))
+            axes.set_xlim(left, right)
+            axes.set_ylim(low, high)
+            problem = drawn[0] if row.problem is None else row.problem
+            _finish_panel(axes, panel, problem, leftmost=k == 0, lowest=i == lowest)
+        if diagram is not None and row.problem is not None:
+            place = after / width, bottom / total, curve_width / width, height / total
+            diagram.set_position(place)
+            draw_curve(diagram, row.curves, row.problem)
+            if len(rows) > 1:
+                diagram.tick_params(labelsize=_SMALL)
+            if i != lowest:
+                diagram.set_xlabel("")
+            if not all(curve.complete for curve in row.curves.values()):
+                diagram.set_title("the path ends early", fontsize=_SMALL)
     return figure
+
+
+def _finish_panel(
+    axes: Axes, panel: Panel, problem: SpringProblem, leftmost: bool, lowest: bool
+) -> None:
+    axes.set_aspect("equal")
+    for side in axes.spines.values():
+        side.set_visible(False)
+    if panel.note:
+        axes.set_xticks([])
+        axes.set_yticks([])
+        frame = {"boxstyle": "square,pad=1", "facecolor": "none", "edgecolor": "0.6"}
+        place = axes.transAxes
+        axes.text(0.5, 0.5, panel.note, transform=place, ha="center", va="center", bbox=frame)
+        return
+    for y in (0.0, problem.H + panel.d):
+        axes.axhline(y, color="0.3", linewidth=0.8)
+    if panel.d:
+        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
+    if problem.axisymmetric:
+        axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
+    axes.set_xticks([0, problem.L / 2, problem.L])
+    axes.set_yticks([0, problem.H / 2, problem.H])
+    axes.tick_params(labelsize=_SMALL - 1, labelleft=leftmost, labelbottom=lowest)
+    if lowest:
+        axes.set_xlabel("mm", fontsize=_SMALL)
+    if leftmost:
+        axes.set_ylabel("mm", fontsize=_SMALL)
+
+
+# -- erosion and dilation (Fig. 15) ----------------------------------------------------------------
+
+
+def offsets_figure(
+    x: FloatArray, chi: FloatArray, problem: SpringProblem, offsets: Sequence[float]
+) -> Figure:
+    """chi and rho along a line, and the stiffness E of chi + eta for some offsets (Fig. 15)."""
+    figure = new_figure(5.6, 6.2)
+    above, middle, below = axes = figure.subplots(3, 1, sharex=True)
+    above.plot(x, chi, color="black", linewidth=1.3)
+    above.axhline(0, color="0.7", linewidth=0.8)
+    above.set_ylabel("χ")
+    middle.plot(x, expit(chi), color="black", linewidth=1.3)
+    middle.set_ylabel("ρ(χ)")
+    for eta in offsets:
+        kind, line = ("dilated", "-.") if eta > 0 else ("eroded", "--")
+        if not eta:
+            kind, line = "blueprint", "-"
+        below.plot(
+            x,
+            ramp(chi + eta, problem),
+            color="0.35" if eta else "black",
+            linewidth=1.3,
+            linestyle=line,
+            label=f"η = {eta:g} ({kind})",
+        )
+    below.set_ylabel("E(χ + η)")
+    below.set_xlabel("x [mm]")
+    below.legend(fontsize=_SMALL)
+    for ax in axes:
+        ax.grid(color="0.92")
+    figure.align_ylabels(list(axes))
+    return figure
+
+
+def ramp(chi: FloatArray, problem: SpringProblem) -> FloatArray:
+    """E(chi) of Eq. 3 for plain arrays; `ngspring.energies.stiffness` is for NGSolve."""
+    rho = expit(chi)
+    return np.asarray(problem.E_0 + (1 - problem.E_0) * rho / (1 + problem.p * (1 - rho)))

@@ -1,0 +1,56 @@
+"""Fig. 16: the design of C7 on its way, from the column (above) and from a random start (below).
+
+The initial design, five designs on the way, and the last one. Half columns at the left and the
+right border are one column: the sides are symmetry lines.
+
+The snapshots come with the package (ngspring/designs/snapshots-NAME.npz); --recompute makes them
+in runs/figures/NAME/snapshots.npz, minutes on a coarse mesh (--elements 32) and an hour or more on
+the paper's. `ngspring.snapshots.SnapshotRecorder` is the observer that records them.
+
+Numbers to expect: W/H = 0.5 at the start of both (of the random one only nearly), and 0.2526 at the
+end from the column (paper: 0.2539 after 153 updates; 0.2515 after 140 from its random start).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import as_file, files
+
+from figures import Options, read_options, recompute, save
+
+from ngspring.plots import snapshots_figure
+from ngspring.snapshots import Snapshots
+
+NAMES = ("C7", "C7-random")
+
+
+def load(name: str, options: Options) -> Snapshots | None:
+    if options.only is not None and name not in options.only:
+        return None
+    if options.recompute:
+        recompute(name, options)
+        return Snapshots.load(options.folder(name) / "snapshots.npz")
+    resource = files("ngspring") / "designs" / f"snapshots-{name}.npz"
+    if not resource.is_file():
+        print(f"no snapshots of {name}: make them with --recompute")
+        return None
+    with as_file(resource) as path:
+        return Snapshots.load(path)
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, dict[int, float]]:
+    options = read_options(__doc__, arguments)
+    stored = {name: load(name, options) for name in NAMES}
+    runs = {name: {} if kept is None else kept.designs() for name, kept in stored.items()}
+    if not any(runs.values()):
+        raise SystemExit("there are no snapshots: make them with --recompute")
+    save(snapshots_figure(runs), options, "fig16")
+    return {
+        name: {update: d.equivalent_width / d.problem.H for update, d in designs.items()}
+        for name, designs in runs.items()
+    }
+
+
+if __name__ == "__main__":
+    for name, ratios in main().items():
+        print(name, ratios)

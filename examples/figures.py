@@ -1,0 +1,151 @@
+"""What the figure scripts of this folder share: their command line, their designs, their curves.
+
+Every script takes::
+
+    --out DIR        folder for its pictures (default: examples/figures)
+    --points 41      points of each load-displacement curve
+    --only NAME ...  only these designs; the others' rows stay empty
+    --recompute      optimise the designs anew, in runs/figures (resumable), instead of taking
+                     them from the gallery: minutes to hours each
+    --elements N     coarser mesh for --recompute
+    --threads N      threads to use
+
+and fails only if none of its designs is there. What the designs are is said in gallery.toml.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from ngspring import Design, Response, gallery, load_displacement, optimize
+from ngspring.arguments import on_mesh, read_design
+from ngspring.campaign import read_campaign
+from ngspring.labels import width_symbol
+from ngspring.plots import save_figure
+from ngspring.progress import shown_progress
+from ngspring.report import make_console
+from ngspring.snapshots import SnapshotRecorder
+from ngspring.states import curve_displacements, index_of
+
+HERE = Path(__file__).parent
+RUNS = {run.name: run for run in read_campaign(HERE / "gallery.toml").runs}
+Numbers = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Options:
+    """The command line of a figure script."""
+
+    out: Path
+    points: int
+    only: tuple[str, ...] | None
+    recompute: bool
+    elements: int | None
+    threads: int | None
+
+    def folder(self, name: str) -> Path:
+        """Run folder of a design that is optimised anew."""
+        suffix = "" if self.elements is None else f"-{self.elements}"
+        return Path("runs", "figures", name + suffix)
+
+
+def read_options(text: str | None, arguments: Sequence[str] | None) -> Options:
+    parser = argparse.ArgumentParser(
+        description=text, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=HERE / "figures", help="folder for pictures")
+    parser.add_argument("--points", type=int, default=41, help="points of each curve")
+    parser.add_argument("--only", nargs="+", metavar="NAME", choices=RUNS, help="only these")
+    parser.add_argument("--recompute", action="store_true", help="optimise in runs/figures")
+    parser.add_argument("--elements", type=int, help="coarser mesh for --recompute")
+    parser.add_argument("--threads", type=int, help="threads to use")
+    given = parser.parse_args(arguments)
+    if given.elements is not None and not given.recompute:
+        parser.error("--elements belongs to --recompute")
+    if given.points < 2:
+        parser.error("--points must be at least 2")
+    only = None if given.only is None else tuple(given.only)
+    given.out.mkdir(parents=True, exist_ok=True)
+    return Options(given.out, given.points, only, given.recompute, given.elements, given.threads)
+
+
+def load_designs(names: Iterable[str], options: Options) -> dict[str, Design | None]:
+    """Designs by name, None where the gallery has none; says which, and exits if none is there."""
+    designs: dict[str, Design | None] = {}
+    for name in names:
+        wanted = options.only is None or name in options.only
+        if wanted and options.recompute:
+            designs[name] = recompute(name, options)
+        else:
+            designs[name] = gallery.get(name) if wanted else None
+    missing = ", ".join(name for name, design in designs.items() if design is None)
+    if not any(designs.values()):
+        raise SystemExit(f"none of {missing} is in the gallery: use --recompute")
+    if missing:
+        print(f"not in the gallery: {missing}")
+    return designs
+
+
+def recompute(name: str, options: Options) -> Design:
+    """Optimise a design of gallery.toml; its snapshots are kept beside it (`snapshots.npz`)."""
+    run, folder = RUNS[name], options.folder(name)
+    problem = run.problem
+    if options.elements is not None:
+        problem, note = on_mesh(problem, options.elements)
+        print(f"{name}: {note}")
+    initial = None
+    if run.after is not None:
+        initial = recompute(run.after, options)
+    elif run.design is not None:
+        initial = read_design(run.design)[0]
+    elif run.start == "random":
+        initial = Design.random(problem, run.seed or 0)
+    recorder = SnapshotRecorder(folder / "snapshots.npz")
+    with shown_progress(problem, make_console()) as progress:
+        result = optimize(
+            problem,
+            initial,
+            run.dt_initial,
+            run.max_updates,
+            folder,
+            (progress, recorder),
+            resume=True,
+            threads=options.threads,
+            start_name=run.start_name,
+        )
+    if not result.converged:
+        print(f"{name}: not converged: {result.message}")
+    return result.design
+
+
+def compute_curves(
+    designs: Mapping[str, Design | None], options: Options
+) -> tuple[dict[str, Response], Numbers]:
+    """Curves over the whole range of each case, and W/H (or D/H) and forces in N by name."""
+    curves: dict[str, Response] = {}
+    numbers: Numbers = {}
+    for name, design in designs.items():
+        if design is None:
+            continue
+        points = [point for point in design.problem.control_points if not point.eta]
+        places = {0.0, *curve_displacements(design, points=options.points), *(p.d for p in points)}
+        curves[name] = curve = load_displacement(design, places, threads=options.threads)
+        symbol = width_symbol(design.problem)
+        numbers[name] = {symbol: design.equivalent_width / design.problem.H}
+        for point in points:
+            k = index_of(curve, point.d)
+            numbers[name][f"q({point.d:g})"] = float("nan") if k is None else float(curve.q[k])
+        values = ", ".join(f"{key} = {value:.4f}" for key, value in numbers[name].items())
+        print(f"{name}: {values}{'' if curve.complete else ', ' + curve.message}")
+    return curves, numbers
+
+
+def save(figure: Figure, options: Options, name: str) -> None:
+    path = options.out / f"{name}.png"
+    save_figure(figure, path)
+    print(path)
