@@ -322,6 +322,24 @@ class Mechanics:
                 return Equilibrium(d, u, q, tangent, corner + float(column @ tangent), iteration)
         raise ConvergenceError(f"no convergence in {self.MAX_ITERATIONS} Newton iterations")
 
+    def refined(self, point: Equilibrium) -> Equilibrium:
+        """The same equilibrium and its tangent to rounding.
+
+        q - q_* is a millionth of q at an optimum, and the adjoint state is this tangent times it:
+        what is good enough to follow a path is too rough to judge stationarity.
+        """
+        d, u = point.d, point.u
+        self.assemble(d, u)
+        u = u - self.solve_linear(self.forces(d, u)[:-1])
+        column, corner = self.assemble(d, u)
+        u = u - self.solve_linear(self.forces(d, u)[:-1])
+        tangent = -self.solve_linear(column)
+        # u itself is rounded: what that leaves out of balance belongs to q, weighted by du/dd.
+        force = self.forces(d, u)
+        q = float(force[-1] + tangent @ force[:-1])
+        stiffness = corner + float(column @ tangent)
+        return Equilibrium(d, u, q, tangent, stiffness, point.iterations + 2)
+
     def at_rest(self) -> Equilibrium:
         """The undeformed state, d = 0."""
         return self.equilibrium(0.0, np.zeros(self.free))

@@ -7,20 +7,23 @@ examined: while it is positive definite, the state is a minimum of the energy un
 control; where its lowest eigenvalue becomes negative, the spring leaves the symmetric path (a mode
 that is antisymmetric in x or in y) or snaps (a symmetric one).
 
-**Which eigenvalues.** ``K v = lambda M v``, M the *linear-elastic stiffness of the undeformed
-design*, E(chi) included and the void regularisation left out. lambda is then a pure number that
-does not depend on the mesh: the share of its stiffness that the weakest deformation has left. It
-is 1 at rest, falls like ``1 - load / buckling load`` where prestress acts linearly, and is 0 at a
-critical point. The signs do not depend on the choice of M (Sylvester), sizes and order do:
+**Which eigenvalues.** ``K v = lambda M v``, M the linear-elastic stiffness of the undeformed
+design, scaled with E(chi) as in Eq. 14, but faded to a thousandth of that in void and in grey of
+E(chi) < 0.015 (chi < -2), and without the void regularisation. lambda is then a pure number that
+does not depend on the mesh: the share of its stiffness that the spring's weakest deformation has
+left. It is 1 at rest, falls like ``1 - load / buckling load`` where prestress acts linearly, and is
+0 at a critical point. How many eigenvalues are negative does not depend on M (Sylvester); their
+sizes and their order do:
 
 - with a plain L2 mass the void's own modes, a million times softer than the solid's, come first;
-- with a mass that is weighted with E(chi), mechanisms come first: a column that may move sideways
-  in the void, an island of grey. Nothing but void holds them, so their eigenvalues are nearly zero
-  and hide the spring's. Measured with M they have about 1, or more by the regularisation.
+- with a mass weighted with E(chi) mechanisms come first: a column that may move sideways in the
+  void, an island of grey. Nothing but void holds them: nearly zero and harmless;
+- with the stiffness not faded come grey cells, which soften when stretched several times over.
 
-Whether a mode is the spring's own or one of the third medium (grey cells that are stretched
-several times over soften and can fail alone) is told by where it strains the material:
-`Mode.shares`. An axisymmetric spring is examined for axisymmetric modes only.
+With M as above a mode that strains void or grey has a large eigenvalue as long as it is positive,
+and the spring's own modes are the lowest ones. A negative eigenvalue of the third medium stays
+negative and is told from the spring's by where its mode strains the material, `Mode.shares`. An
+axisymmetric spring is examined for axisymmetric modes only.
 """
 
 from __future__ import annotations
@@ -33,8 +36,9 @@ from itertools import pairwise
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
 
+from ngspring import energies
 from ngspring.design import Design
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.mechanics import Equilibrium, Mechanics
@@ -45,6 +49,7 @@ from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray
 from ngspring.states import curve_displacements
 from ngspring.threads import parallel
+from ngspring.void import integration_rule
 
 logger = logging.getLogger(__name__)
 
@@ -52,6 +57,8 @@ logger = logging.getLogger(__name__)
 ZERO = 1e-8
 #: At most so many negative eigenvalues are computed (all of them are counted).
 MOST_NEGATIVE = 24
+#: Stiffness E(chi) below which M fades, and what is left of it in the void.
+GREY, FAINT = 0.015, 1e-3
 _KINDS = ("solid", "grey", "void")
 
 
@@ -64,7 +71,8 @@ class Mode:
     eigenvalue : float
         lambda, see the description of the module.
     shares : tuple of 3 float
-        Parts of ``v.M v``, its strain energy, in solid (chi >= 0), grey (-5 < chi < 0) and void.
+        Parts of the mode's linear-elastic strain energy (scaled with E(chi)) in solid (chi >= 0),
+        grey (-5 < chi < 0) and void.
     parity : tuple of 2 float
         1 if the mode is symmetric about x = L/2 (y = H/2), -1 if antisymmetric, in between if it
         is a mixture. A mode that is symmetric about both is one of the quarter.
@@ -109,11 +117,11 @@ class StabilityPoint:
         Displacement in mm and reaction force in N.
     modes : tuple of Mode
         The lowest ones in increasing order: all with a negative eigenvalue (the 24 nearest zero if
-        there are more; those nearest zero if the linear solver does not count) and a few more.
+        there are more) and a few more.
     negative : int or None
-        Number of negative eigenvalues by the inertia of the factorisation, a count that owes
-        nothing to the eigenvalue solver; None if the linear solver does not count (only PARDISO
-        does).
+        Number of negative eigenvalues by the inertia of a factorisation (PARDISO's, or scipy's if
+        that is not installed), a count that owes nothing to the eigenvalue solver; None if that
+        failed, and the modes are then those next to zero.
     imbalance : float
         Norm of the forces on the full domain's free displacements, relative to the reaction force
         plus the one at 0.1 % strain: rounding errors, if the mirrored state is in equilibrium.
@@ -159,7 +167,8 @@ class Critical:
     Attributes
     ----------
     point : StabilityPoint
-        The state, computed at the displacement where the eigenvalue is zero by interpolation.
+        The state, computed at the displacement where the eigenvalue is zero by interpolation; the
+        nearest unstable one if the mode is not among the lowest of the stable state before.
     mode : Mode
         The mode with this eigenvalue, as it is in `point`.
     bracket : tuple of 2 float
@@ -262,6 +271,23 @@ def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float)
     return np.concatenate([np.where(right, -u_x, u_x), np.where(upper, top - u_y, u_y)])
 
 
+def inertia(matrix: sp.csr_matrix) -> int | None:
+    """Number of negative eigenvalues of a symmetric matrix, by scipy's LU factorisation.
+
+    Rows and columns are ordered alike and pivots stay on the diagonal, so that the signs of U's
+    diagonal are those of an L D L^T. None if a pivot had to be taken elsewhere.
+    """
+    factors = splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True, "Equil": False},
+    )
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return None
+    return int((factors.U.diagonal() < 0).sum())
+
+
 class FullTangent(Mechanics):
     """The tangent on the full domain: its inertia and its lowest modes."""
 
@@ -269,11 +295,20 @@ class FullTangent(Mechanics):
         self, scalar: ScalarSpace, chi: FloatArray, eta: float, solver: str, threads: int
     ) -> None:
         super().__init__(scalar, chi, eta, solver, threads)
+        space, problem = self._u.space, scalar.grid.problem
+        u = space.TrialFunction()
+        stiff = energies.stiffness(self._field + self._eta, problem)
+        kept = FAINT + (1 - FAINT) * stiff**2 / (stiff**2 + GREY**2)
+        density = energies.measure(scalar.grid) * kept * stiff
+        density = density * energies.strain_energy(u, ng.Grad(u), problem)
+        rule = {ng.ET.QUAD: integration_rule()}
+        form = ng.BilinearForm(space, symmetric=True)
+        form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
         self._u.vec[:] = 0.0
-        self._form.AssembleLinearization(self._u.vec)
-        values = self._map @ self._form.mat.AsVector().FV().NumPy()
+        form.AssembleLinearization(self._u.vec)
+        values = self._map @ form.mat.AsVector().FV().NumPy()
         self._mass = self._symmetric(values[self._lower_entries])
-        table, problem = self.void.table, scalar.grid.problem
+        table = self.void.table
         self._places = scalar.grid.mesh(table.x.ravel(), table.y.ravel())
         decay = np.exp(-np.maximum(self._at_points, -200.0))
         stiffness = problem.E_0 + (1 - problem.E_0) / (1 + (1 + problem.p) * decay)
@@ -318,6 +353,8 @@ class FullTangent(Mechanics):
         assert self._factorization is not None
         negative = self._factorization.negative_eigenvalues
         tangent = self._symmetric(self._lower.data)
+        if negative is None:
+            negative = inertia(tangent)
         # Of 1 / lambda: the largest in size; or the largest, and all negative ones.
         at_rest = d == 0.0
         wanted = [("LM", 1 if at_rest else count)]
@@ -364,7 +401,7 @@ class FullTangent(Mechanics):
         return Mode(value, self._shares(full), (parity[0], parity[1]), nodes)
 
     def _shares(self, full: FloatArray) -> tuple[float, float, float]:
-        """Parts of v.M v in solid, grey and void."""
+        """Parts of the strain energy in solid, grey and void."""
         self._u.vec.FV().NumPy()[:] = full
         problem = self.scalar.grid.problem
         a, b, c, e = np.asarray(ng.Grad(self._u)(self._places)).T
@@ -432,8 +469,15 @@ class _Analysis:
         unstable: StabilityPoint,
         kind: str | None,
     ) -> Critical:
-        widest = 0.01 * self.part.grid.problem.H
-        while abs(after.d - before.d) > widest:
+        height = self.part.grid.problem.H
+        while True:
+            mode = unstable.unstable_mode(kind)
+            assert mode is not None
+            partner = stable.like(mode)
+            # Only with the mode's eigenvalue on both sides can the zero be interpolated.
+            widest = (0.001 if partner is None else 0.01) * height
+            if abs(after.d - before.d) <= widest:
+                break
             reached, _ = follow(self.quarter, np.array([(before.d + after.d) / 2]), before)
             if not reached:
                 break
@@ -442,14 +486,10 @@ class _Analysis:
                 before, stable = reached[0], point
             else:
                 after, unstable = reached[0], point
-        mode = unstable.unstable_mode(kind)
-        assert mode is not None
         bracket = (before.d, after.d)
-        partner = stable.like(mode)
-        # Near the critical point lambda is linear in d; without a partner, halfway.
-        share = 0.5
-        if partner is not None:
-            share = partner.eigenvalue / (partner.eigenvalue - mode.eigenvalue)
+        if partner is None:
+            return Critical(unstable, mode, bracket)
+        share = partner.eigenvalue / (partner.eigenvalue - mode.eigenvalue)
         d = before.d + min(max(share, 0.0), 1.0) * (after.d - before.d)
         reached, _ = follow(self.quarter, np.array([d]), before)
         if not reached:
@@ -463,7 +503,7 @@ def stability(
     displacements: Iterable[float] | None = None,
     *,
     eta: float = 0.0,
-    modes: int = 6,
+    modes: int = 4,
     threads: int | None = None,
     solver: str = "auto",
 ) -> Stability:
@@ -480,8 +520,7 @@ def stability(
     modes : int
         How many of the lowest modes to compute, on top of all negative ones.
     threads, solver
-        See `ngspring.optimize`. Without PARDISO negative eigenvalues are found, but not counted
-        independently.
+        See `ngspring.optimize`.
 
     Returns
     -------

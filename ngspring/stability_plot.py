@@ -86,12 +86,13 @@ def _outline(axes: Axes, design: Design, displacement: FloatArray, eta: float, c
 
 
 def _draw_eigenvalues(axes: Axes, outcome: Stability) -> None:
-    d = [point.d for point in outcome.points] + [c.d for c in outcome.critical]
-    values = [p.lowest / outcome.rest for p in outcome.points]
-    values += [c.mode.eigenvalue / outcome.rest for c in outcome.critical]
-    kinds = [p.modes[0].kind for p in outcome.points] + [c.mode.kind for c in outcome.critical]
+    points = [*outcome.points, *(critical.point for critical in outcome.critical)]
+    points.sort(key=lambda point: point.d)
+    d = [point.d for point in points]
+    values = [point.lowest / outcome.rest for point in points]
+    kinds = [point.modes[0].kind for point in points]
     axes.axhline(0, color="0.5", linewidth=0.8)
-    axes.plot(outcome.d, outcome.relative, color="0.5", linewidth=1, zorder=1)
+    axes.plot(d, values, color="0.5", linewidth=1, zorder=1)
     for x, y, kind in zip(d, values, kinds, strict=True):
         axes.plot(x, y, "o", markersize=5, color=_COLOURS[kind], markeredgecolor="black")
     for critical in outcome.critical:
@@ -101,10 +102,6 @@ def _draw_eigenvalues(axes: Axes, outcome: Stability) -> None:
         for kind in _COLOURS
     ]
     axes.legend(handles, [f"mode in {kind}" for kind in _COLOURS], fontsize=_SMALL)
-    smallest = min((abs(v) for v in values if v), default=1.0)
-    if smallest < 0.02:
-        # So that values near zero can be told apart.
-        axes.set_yscale("symlog", linthresh=0.01)
     axes.set_xlabel("d [mm]")
     axes.set_ylabel("lowest eigenvalue, relative to rest")
     axes.grid(color="0.92")

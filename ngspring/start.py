@@ -14,6 +14,7 @@ from ngspring.mechanics import Equilibrium, Mechanics
 from ngspring.path import follow
 from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray
+from ngspring.threads import release_memory
 
 Start = Design | Callable[[FloatArray, FloatArray], Any]
 
@@ -51,7 +52,7 @@ def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics],
             if message:
                 raise ConvergenceError(message)
             for equilibrium in path:
-                reached[eta, equilibrium.d] = equilibrium
+                reached[eta, equilibrium.d] = body.refined(equilibrium)
     bodies = [mechanics[point.eta] for point in system.points]
     return bodies, [reached[point.eta, point.d] for point in system.points]
 
@@ -70,4 +71,7 @@ def initial_state(system: CoupledSystem, design: Design) -> State:
         body.adjoint(equilibrium, control.weight * (equilibrium.q - control.q))
         for body, equilibrium, control in zip(bodies, points, system.points, strict=True)
     ]
-    return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
+    state = State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
+    del bodies, points
+    release_memory()
+    return state
