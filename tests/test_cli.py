@@ -196,7 +196,8 @@ def test_ctrl_c_saves_and_says_how_to_resume(tmp_path: Path) -> None:
     with start(*again[1:], "--max-updates", more, cwd=tmp_path) as process:
         out, err = process.communicate()
     assert process.returncode == 0, err
-    assert re.findall(r"^update +(\d+)", out, re.M) == [str(more)]
+    # A resumed run first says where it stands.
+    assert re.findall(r"^update +(\d+)", out, re.M) == [str(more - 1), str(more)]
 
 
 # -- the other commands ----------------------------------------------------------------------------

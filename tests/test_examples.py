@@ -108,7 +108,8 @@ def test_the_gallery_holds_c4_and_nothing_that_has_no_figure() -> None:
     missing = [name for name in NAMES if name not in PRESENT]
     print(f"not in the gallery yet: {', '.join(missing) or 'none'}")
     assert "C4" in PRESENT
-    assert set(gallery) - set(NAMES) <= {"snapshots-C7", "snapshots-C7-random"}
+    # C4 from the random start shows that it gets there too; no figure of the paper has it.
+    assert set(gallery) - set(NAMES) <= {"C4-random", "snapshots-C7", "snapshots-C7-random"}
     assert len(PRESENT) + len(missing) == 26
 
 
