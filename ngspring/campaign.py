@@ -25,7 +25,6 @@ import itertools
 import math
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -36,11 +35,7 @@ from ngspring.arguments import on_mesh
 from ngspring.cases import get_case
 from ngspring.errors import NgspringError, ProblemError
 from ngspring.problem import SpringProblem, nearest, shown
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from ngspring.problem_toml import load_tables, read_text
 
 KEYS = (
     "case",
@@ -180,14 +175,7 @@ def read_campaign(path: str | os.PathLike[str]) -> Campaign:
     """
     path = Path(path)
     try:
-        try:
-            # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
-            text = path.read_bytes().decode("utf-8-sig")
-        except OSError as error:
-            raise ProblemError(f"the file cannot be read: {error.strerror}") from error
-        except ValueError as error:
-            raise ProblemError(f"the file cannot be read: {error}") from error
-        return parse_campaign(text, path.parent)
+        return parse_campaign(read_text(os.fspath(path)), path.parent)
     except ProblemError as error:
         raise ProblemError(f"{str(path)!r}: {error}") from error.__cause__
 
@@ -200,13 +188,7 @@ def parse_campaign(text: str, folder: Path = Path()) -> Campaign:
     ProblemError
         With a message of one line.
     """
-    try:
-        values = tomllib.loads(text)
-    except RecursionError as error:
-        raise ProblemError("not valid TOML: nested too deeply") from error
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise ProblemError(f"not valid TOML: {reason}") from error
+    values = load_tables(text)
     _check_keys(values, ("run",))
     tables = values.get("run", [])
     if not isinstance(tables, list):

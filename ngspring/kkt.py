@@ -45,10 +45,6 @@ class State:
     u: FloatArray
     lam: FloatArray
 
-    def copy(self) -> State:
-        """Independent copy."""
-        return State(self.chi.copy(), self.u.copy(), self.lam.copy())
-
     def forces(self, problem: SpringProblem) -> FloatArray:
         """Reaction forces q_j in N."""
         points = problem.control_points

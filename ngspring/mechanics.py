@@ -138,9 +138,15 @@ class Mechanics:
 
     def _set_points(self, at_points: FloatArray) -> None:
         self._at_points = at_points
-        element = self.void.stiffness(at_points).ravel()
-        self._constant = self._void_map @ np.concatenate([element, element])
+        self._constant: FloatArray | None = None
         self._stiff_diagonal: FloatArray | None = None
+
+    def _void_stiffness(self) -> FloatArray:
+        """The void's part of the tangent, made when a tangent first needs it."""
+        if self._constant is None:
+            element = self.void.stiffness(self._at_points).ravel()
+            self._constant = self._void_map @ np.concatenate([element, element])
+        return self._constant
 
     def set_design(self, chi: FloatArray, eta: float) -> None:
         """Replace the design (H1 dofs) and its offset; only if it was given as dofs before."""
@@ -148,16 +154,13 @@ class Mechanics:
         self._eta.Set(eta)
         self._set_points(self.void.chi_at_points(chi) + eta)
 
-    def _full(self, d: float, u: FloatArray) -> FloatArray:
-        return np.asarray(self.extraction @ np.append(u, d))
-
     def full_field(self, d: float, u: FloatArray) -> FloatArray:
         """Dofs of the VectorH1 space (x component first)."""
-        return self._full(d, u)
+        return np.asarray(self.extraction @ np.append(u, d))
 
     def energy(self, d: float, u: FloatArray) -> float:
         """Strain energy E of the whole spring in N mm (with the void's)."""
-        full = self._full(d, u)
+        full = self.full_field(d, u)
         self._u.vec.FV().NumPy()[:] = full
         with tasks():
             neo_hookean = float(self._form.Energy(self._u.vec))
@@ -165,7 +168,7 @@ class Mechanics:
 
     def forces(self, d: float, u: FloatArray) -> FloatArray:
         """dE/d(u, d): forces on the free displacements, and q as the last entry."""
-        full = self._full(d, u)
+        full = self.full_field(d, u)
         self._u.vec.FV().NumPy()[:] = full
         with tasks():
             self._form.Apply(self._u.vec, self._result)
@@ -182,10 +185,10 @@ class Mechanics:
         ConvergenceError
             If an entry is not finite or the factorisation fails.
         """
-        self._u.vec.FV().NumPy()[:] = self._full(d, u)
+        self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
         with tasks():
             self._form.AssembleLinearization(self._u.vec)
-        values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._constant
+        values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._void_stiffness()
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
         lower = values[self._lower_entries]
@@ -208,7 +211,7 @@ class Mechanics:
             form = self._form
             with tasks():
                 form.AssembleLinearization(self._u.vec)
-            values = self._map @ form.mat.AsVector().FV().NumPy() + self._constant
+            values = self._map @ form.mat.AsVector().FV().NumPy() + self._void_stiffness()
             self._stiff_diagonal = values[self._lower_entries][self._diagonal]
         return self._stiff_diagonal
 

@@ -19,6 +19,7 @@ import dataclasses
 import os
 import sys
 from collections.abc import Mapping
+from typing import Any
 
 import tomli_w
 
@@ -61,7 +62,7 @@ def read_toml(text_or_path: str | os.PathLike[str]) -> SpringProblem:
         return parse_toml(text_or_path)
     path = os.fsdecode(text_or_path)
     try:
-        return parse_toml(_read(path))
+        return parse_toml(read_text(path))
     except ProblemError as error:
         raise ProblemError(f"{path!r}: {error}") from error.__cause__
 
@@ -71,7 +72,8 @@ def _names_a_file(text: str) -> bool:
     return os.path.isfile(text) or (one_line and text.endswith(".toml"))
 
 
-def _read(path: str) -> str:
+def read_text(path: str) -> str:
+    """Content of a UTF-8 text file; what is wrong with it is a ProblemError of one line."""
     try:
         with open(path, "rb") as file:
             # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
@@ -79,21 +81,29 @@ def _read(path: str) -> str:
     except OSError as error:
         raise ProblemError(f"the file cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ProblemError(f"the file is not UTF-8 text: byte {error.start} is wrong") from error
+        raise ProblemError(
+            f"the file cannot be read as UTF-8 text: byte {error.start} is wrong"
+        ) from error
     except ValueError as error:
         raise ProblemError(f"the file cannot be read: {error}") from error
 
 
-def parse_toml(text: str) -> SpringProblem:
-    """Read a problem from TOML text, never from a file of that name."""
+def load_tables(text: str) -> dict[str, Any]:
+    """Parse TOML; what is malformed is a ProblemError of one line."""
     try:
-        values = tomllib.loads(text)
+        tables: dict[str, Any] = tomllib.loads(text)
     except RecursionError as error:
         raise ProblemError("not valid TOML: nested too deeply") from error
     except ValueError as error:
         # Besides TOMLDecodeError, the parser lets Python's own complaints about numbers through.
         reason = " ".join(str(error).split())
         raise ProblemError(f"not valid TOML: {reason}") from error
+    return tables
+
+
+def parse_toml(text: str) -> SpringProblem:
+    """Read a problem from TOML text, never from a file of that name."""
+    values = load_tables(text)
     _check_keys(values, SpringProblem, "")
     tables = values["control_points"]
     if not isinstance(tables, list):
