@@ -82,7 +82,7 @@ def read_text(path: str) -> str:
         raise ProblemError(f"the file cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ProblemError(
-            f"the file cannot be read as UTF-8 text: byte {error.start} is wrong"
+            f"the file cannot be read, it is not UTF-8 text: byte {error.start} is wrong"
         ) from error
     except ValueError as error:
         raise ProblemError(f"the file cannot be read: {error}") from error
