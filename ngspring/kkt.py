@@ -16,11 +16,11 @@ import numpy as np
 
 from ngspring.blocks import BlockMaps
 from ngspring.lagrangian import ControlPointForm, DesignForm
-from ngspring.linear import Factorization, make_factorization
+from ngspring.linear import Factorization, make_factorization, multiply, wants_upper
+from ngspring.memory import release_memory
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
 from ngspring.splines import FloatArray
-from ngspring.threads import release_memory
 
 
 class LinearSolveError(ArithmeticError):
@@ -193,14 +193,17 @@ class CoupledSystem:
         if maps is None:
             maps = self._maps = self._build_maps(state)
             release_memory()
+        if self._factorization is None:
+            self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
+            maps.triangle = self._factorization.matrix
         start = time.perf_counter()
         # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
         # chi and digits are lost (s = 1 costs seven of them near the optimum).
         s = self._scale = float(np.clip(np.abs(state.lam).max(), 1e-8, 1.0))
         chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
-        values = maps.lower.data
+        values = maps.triangle.data
         place = maps.place
-        filled = len(maps.chi_lower)
+        filled = len(chi_chi)
 
         def put(piece: FloatArray) -> None:
             nonlocal filled
@@ -230,14 +233,12 @@ class CoupledSystem:
             put(kk[maps.top])
             put(np.array([-1.0 / point.weight]))
             start = self.timings.add("reduction", start)
-        values[place[: len(maps.chi_lower)]] = t**2 * chi_chi[maps.chi_lower]
+        values[place[: len(chi_chi)]] = t**2 * chi_chi
         if not np.isfinite(values).all():
             raise LinearSolveError("the Newton matrix has entries that are not finite")
         start = self.timings.add("reduction", start)
-        if self._factorization is None:
-            self._factorization = make_factorization(maps.lower, self.solver, self.threads)
         try:
-            self._factorization.factorize(values)
+            self._factorization.factorize()
         except Exception as error:
             raise LinearSolveError(f"the factorisation failed: {error}") from error
         self.timings.add("factorisation", start)
@@ -252,6 +253,7 @@ class CoupledSystem:
             self.extraction_chi,
             self.extraction_u,
             len(self.points),
+            wants_upper(self.solver),
         )
 
     @property
@@ -261,8 +263,8 @@ class CoupledSystem:
 
     @property
     def nonzeros(self) -> int:
-        """Stored entries of the lower triangle."""
-        return 0 if self._maps is None else int(self._maps.lower.nnz)
+        """Stored entries of one triangle."""
+        return 0 if self._maps is None else int(self._maps.triangle.nnz)
 
     @property
     def negative_eigenvalues(self) -> int | None:
@@ -273,8 +275,7 @@ class CoupledSystem:
 
     def _multiply(self, x: FloatArray) -> FloatArray:
         assert self._maps is not None
-        lower = self._maps.lower
-        return np.asarray(lower @ x + lower.T @ x - self._maps.diagonal() * x)
+        return multiply(self._maps.triangle, x)
 
     def _pack(self, residual: Residual) -> FloatArray:
         s = self._scale

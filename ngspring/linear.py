@@ -24,10 +24,19 @@ BACKENDS = ("auto", "sparsecholesky", "pardiso")
 
 
 class Factorization(Protocol):
-    """What a backend does with the lower triangle of a symmetric matrix."""
+    """A symmetric matrix with a fixed pattern, its factors, and solutions with them.
 
-    def factorize(self, values: FloatArray) -> None:
-        """Numeric factorisation for new values on the pattern given at construction."""
+    Attributes
+    ----------
+    matrix : scipy.sparse.csr_matrix
+        One triangle, the only copy of the values: write into ``matrix.data`` (never replace it),
+        then call `factorize`.
+    """
+
+    matrix: sp.csr_matrix
+
+    def factorize(self) -> None:
+        """Numeric factorisation for the present values of `matrix`."""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution with the last factors, not refined."""
@@ -41,26 +50,25 @@ class SparseCholesky:
     """NGSolve's sparse L D L^T factorisation; reads the lower triangle only."""
 
     def __init__(self, lower: sp.csr_matrix) -> None:
-        self._pattern = lower
-        self._matrix: Any = None
+        rows = np.repeat(np.arange(lower.shape[0], dtype=np.int32), np.diff(lower.indptr))
+        columns = lower.indices.astype(np.int32, copy=False)
+        self._matrix = ng.la.SparseMatrixd.CreateFromCOO(rows, columns, lower.data, *lower.shape)
+        # Views of NGSolve's own arrays.
+        values, columns, offsets = (np.asarray(part) for part in self._matrix.CSR())
+        self.matrix = sp.csr_matrix(
+            (values, columns, offsets.astype(np.int32)), shape=lower.shape, copy=False
+        )
         self._inverse: Any = None
+        self._rhs = self._matrix.CreateColVector()
+        self._solution = self._matrix.CreateColVector()
 
-    def factorize(self, values: FloatArray) -> None:
+    def factorize(self) -> None:
         """See `Factorization`."""
-        if self._matrix is None:
-            lower = self._pattern
-            rows = np.repeat(np.arange(lower.shape[0], dtype=np.int32), np.diff(lower.indptr))
-            self._matrix = ng.la.SparseMatrixd.CreateFromCOO(
-                rows, lower.indices.astype(np.int32), values, *lower.shape
-            )
-            with tasks():
-                self._inverse = self._matrix.Inverse(inverse="sparsecholesky")
-            self._rhs = self._matrix.CreateColVector()
-            self._solution = self._matrix.CreateColVector()
-            return
-        self._matrix.AsVector().FV().NumPy()[:] = values
         with tasks():
-            self._inverse.Update()
+            if self._inverse is None:
+                self._inverse = self._matrix.Inverse(inverse="sparsecholesky")
+            else:
+                self._inverse.Update()
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `Factorization`."""
@@ -76,9 +84,9 @@ class SparseCholesky:
 
 
 class Pardiso:
-    """MKL PARDISO, symmetric indefinite (mtype -2), through pypardiso."""
+    """MKL PARDISO, symmetric indefinite (mtype -2), through pypardiso; reads the upper triangle."""
 
-    def __init__(self, lower: sp.csr_matrix, threads: int) -> None:
+    def __init__(self, upper: sp.csr_matrix, threads: int) -> None:
         from pypardiso import PyPardisoSolver
 
         self._solver = PyPardisoSolver(mtype=-2)
@@ -87,30 +95,22 @@ class Pardiso:
             # Own parameters, METIS, tiny pivot bound 1e-13, no scaling, no matching, no refinement
             # (we refine block by block), classic factorisation.
             self._solver.set_iparm(index, value)
-        index_of = sp.csr_matrix(
-            (np.arange(1, lower.nnz + 1), lower.indices, lower.indptr), shape=lower.shape
-        ).T.tocsr()
-        index_of.sort_indices()
-        self._gather = (index_of.data - 1).astype(np.int32)
-        self._upper = sp.csr_matrix(
-            (np.ones(lower.nnz), index_of.indices, index_of.indptr), shape=lower.shape
-        )
+        self.matrix = upper
         self._analysed = False
-        self._nothing = np.zeros((lower.shape[0], 1), order="F")
+        self._nothing = np.zeros((upper.shape[0], 1), order="F")
 
-    def factorize(self, values: FloatArray) -> None:
+    def factorize(self) -> None:
         """See `Factorization`."""
-        self._upper.data[:] = values[self._gather]
         self._solver.set_phase(22 if self._analysed else 12)
-        self._solver._call_pardiso(self._upper, self._nothing)
+        self._solver._call_pardiso(self.matrix, self._nothing)
         self._analysed = True
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """See `Factorization`."""
         # PARDISO reads n doubles from the pointer, whatever the array holds.
-        column = np.ascontiguousarray(rhs, dtype=np.float64).reshape(self._upper.shape[0], 1)
+        column = np.ascontiguousarray(rhs, dtype=np.float64).reshape(self.matrix.shape[0], 1)
         self._solver.set_phase(33)
-        return np.asarray(self._solver._call_pardiso(self._upper, column)).ravel()
+        return np.asarray(self._solver._call_pardiso(self.matrix, column)).ravel()
 
     @property
     def negative_eigenvalues(self) -> int | None:
@@ -124,10 +124,8 @@ class Pardiso:
             solver.free_memory(everything=True)
 
 
-def make_factorization(
-    lower: sp.csr_matrix, backend: str = "auto", threads: int = 1
-) -> Factorization:
-    """A factorisation for the pattern of ``lower`` (sorted CSR, full diagonal).
+def wants_upper(backend: str = "auto") -> bool:
+    """Whether this backend reads the upper triangle (PARDISO) or the lower one.
 
     Raises
     ------
@@ -141,6 +139,39 @@ def make_factorization(
         raise ProblemError(
             "the linear solver 'pardiso' needs pypardiso: pip install 'ngspring[fast]'"
         )
-    if backend == "pardiso" or (backend == "auto" and installed):
-        return Pardiso(lower, threads)
-    return SparseCholesky(lower)
+    return backend == "pardiso" or (backend == "auto" and installed)
+
+
+def make_factorization(
+    triangle: sp.csr_matrix, backend: str = "auto", threads: int = 1
+) -> Factorization:
+    """A factorisation for a pattern.
+
+    Parameters
+    ----------
+    triangle : scipy.sparse.csr_matrix
+        The triangle that `wants_upper` asks for: sorted, with a full diagonal. Its values do not
+        matter; from now on they belong to the factorisation.
+    backend : str
+        One of `BACKENDS`.
+    threads : int
+        Of PARDISO.
+
+    Raises
+    ------
+    ProblemError
+        See `wants_upper`.
+    """
+    return Pardiso(triangle, threads) if wants_upper(backend) else SparseCholesky(triangle)
+
+
+def multiply(triangle: sp.csr_matrix, x: FloatArray) -> FloatArray:
+    """Product of a symmetric matrix, given by one triangle, with a vector."""
+    return np.asarray(triangle @ x + triangle.T @ x - triangle.diagonal() * x)
+
+
+def symmetric(triangle: sp.csr_matrix) -> sp.csr_matrix:
+    """Both triangles of a symmetric matrix from one of them."""
+    transposed = triangle.T.tocsr()
+    transposed.setdiag(0.0)
+    return sp.csr_matrix(triangle + transposed)

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
-import scipy.sparse as sp
 
 from ngspring import energies
 from ngspring.errors import ConvergenceError
 from ngspring.lagrangian import csr_pattern
-from ngspring.linear import Factorization, make_factorization
-from ngspring.reduction import product_map, product_pattern
+from ngspring.linear import make_factorization, multiply, wants_upper
+from ngspring.reduction import Pattern, product_map, product_pattern
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, stretched
 from ngspring.splines import FloatArray
 from ngspring.threads import tasks
@@ -107,12 +106,10 @@ class Mechanics:
         self._u = ng.GridFunction(space)
         self._u.vec[:] = 0.0
         self._result = self._u.vec.CreateVector()
-        self._solver, self._threads = solver, threads
-        self._factorization: Factorization | None = None
-        self._prepare()
+        self._prepare(solver, threads)
         self._set_points(at_points + eta)
 
-    def _prepare(self) -> None:
+    def _prepare(self, solver: str, threads: int) -> None:
         """Index maps from NGSolve's values to the tangent on the independent displacements."""
         with tasks():
             self._form.AssembleLinearization(self._u.vec)
@@ -125,11 +122,16 @@ class Mechanics:
         r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
         both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
         self._void_map = product_map(*both, left, left, pattern)
-        inner = (pattern.rows < self.free) & (pattern.columns <= pattern.rows)
-        self._lower_entries = np.flatnonzero(inner)
-        keys = pattern.matrix(np.arange(1.0, len(pattern.keys) + 1))
-        self._lower = _lower_triangle(keys[: self.free, : self.free])
-        self._diagonal = self._lower.indptr[1:] - 1
+        rows, columns = pattern.rows, pattern.columns
+        if wants_upper(solver):
+            rows, columns = columns, rows
+        #: where the values of the factorised triangle are in those of the whole
+        self._inner_entries = np.flatnonzero((rows < self.free) & (columns <= rows))
+        keys = pattern.keys[self._inner_entries]
+        inner = Pattern(keys - keys // pattern.shape[1], (self.free, self.free))
+        triangle = inner.matrix(np.ones(len(keys)))
+        self._diagonal = np.flatnonzero(inner.rows == inner.columns)
+        self._factorization = make_factorization(triangle, solver, threads)
         self._top_entries = np.flatnonzero(
             (pattern.rows < self.free) & (pattern.columns == self.free)
         )
@@ -191,14 +193,11 @@ class Mechanics:
         values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._void_stiffness()
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
-        lower = values[self._lower_entries]
+        self._factorization.matrix.data[:] = values[self._inner_entries]
         if shift > 0.0:
-            lower[self._diagonal] += shift * self._diagonal_at_rest()
-        self._lower.data = lower
-        if self._factorization is None:
-            self._factorization = make_factorization(self._lower, self._solver, self._threads)
+            self._factorization.matrix.data[self._diagonal] += shift * self._diagonal_at_rest()
         try:
-            self._factorization.factorize(lower)
+            self._factorization.factorize()
         except Exception as error:
             raise ConvergenceError(f"the factorisation failed: {error}") from error
         column = np.zeros(self.free)
@@ -212,7 +211,7 @@ class Mechanics:
             with tasks():
                 form.AssembleLinearization(self._u.vec)
             values = self._map @ form.mat.AsVector().FV().NumPy() + self._void_stiffness()
-            self._stiff_diagonal = values[self._lower_entries][self._diagonal]
+            self._stiff_diagonal = values[self._inner_entries[self._diagonal]]
         return self._stiff_diagonal
 
     def settle(
@@ -249,7 +248,7 @@ class Mechanics:
             raise ConvergenceError("the state to settle from inverts an element")
         for _ in range(max_iterations):
             column, _ = self.assemble(d, u, shift)
-            negative = self._factorization.negative_eigenvalues if self._factorization else None
+            negative = self._factorization.negative_eigenvalues
             balanced = np.linalg.norm(force[:-1]) <= accuracy
             if balanced and shift == 0.0 and not negative:
                 return u, -self.solve_linear(column)
@@ -270,11 +269,8 @@ class Mechanics:
 
     def solve_linear(self, rhs: FloatArray) -> FloatArray:
         """Solution with the last tangent, refined once."""
-        assert self._factorization is not None
         x = self._factorization.solve(rhs)
-        lower = self._lower
-        product = lower @ x + lower.T @ x - lower.diagonal() * x
-        return x + self._factorization.solve(rhs - product)
+        return x + self._factorization.solve(rhs - multiply(self._factorization.matrix, x))
 
     def adjoint(self, point: Equilibrium, lam_top: float) -> FloatArray:
         """lam with ``K lam = 0`` and the given value on the top (Eq. 7): it is du/dd times that."""
@@ -350,9 +346,3 @@ class Mechanics:
     def uniform_stretch(self, d: float) -> FloatArray:
         """Free displacements of u = (0, y d / H)."""
         return d * self.displacement.restrict(stretched(self.scalar))[:-1]
-
-
-def _lower_triangle(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    lower = sp.csr_matrix(sp.tril(matrix))
-    lower.sort_indices()
-    return lower

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from ngspring.errors import ConvergenceError
+from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.mechanics import Equilibrium, Mechanics
+from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray
 
 logger = logging.getLogger(__name__)
@@ -87,3 +88,26 @@ def _snap(mechanics: Mechanics, d: float, here: Equilibrium) -> Equilibrium:
     there = mechanics.equilibrium(d, u)
     logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)
     return there
+
+
+def checked_displacements(displacements: Iterable[float], problem: SpringProblem) -> FloatArray:
+    """Displacements in mm in increasing order, each once.
+
+    Raises
+    ------
+    ProblemError
+        If there are none, or one is not a finite number smaller than H in size.
+    """
+    try:
+        values = np.array(sorted({float(d) for d in displacements}))
+    except (TypeError, ValueError):
+        raise ProblemError("displacements must be numbers in mm") from None
+    if not len(values):
+        raise ProblemError("no displacements were given")
+    for d in values:
+        if not np.isfinite(d) or abs(d) >= problem.H:
+            raise ProblemError(
+                f"displacement {d:g} mm must be a finite number smaller in size than H ="
+                f" {problem.H:g} mm"
+            )
+    return values

@@ -33,6 +33,11 @@ class Pattern:
         """Column of each entry."""
         return np.asarray(self.keys % self.shape[1])
 
+    @property
+    def lower(self) -> Pattern:
+        """The places of the lower triangle."""
+        return Pattern(self.keys[self.columns <= self.rows], self.shape)
+
     def matrix(self, values: FloatArray) -> sp.csr_matrix:
         """The sparse matrix with these values."""
         offsets = np.searchsorted(self.keys, np.arange(self.shape[0] + 1) * self.shape[1])
@@ -61,7 +66,8 @@ def product_map(
 ) -> sp.csr_matrix:
     """The matrix that maps the values of A's entries to those of ``left^T A right`` on a pattern.
 
-    Entries of A may be listed more than once; their values add up.
+    Entries of A may be listed more than once; their values add up. Places of the product that are
+    not in the pattern are left out.
     """
     pieces = []
     # In chunks: the expanded lists are many times longer than the entries.
@@ -92,9 +98,10 @@ def _expanded(
     of_left = left.indptr[rows[entry]] + within // count_right[entry]
     of_right = right.indptr[columns[entry]] + within % count_right[entry]
     keys = left.indices[of_left].astype(np.int64) * pattern.shape[1] + right.indices[of_right]
-    place = np.searchsorted(pattern.keys, keys).astype(np.int32)
+    place = np.minimum(np.searchsorted(pattern.keys, keys), len(pattern.keys) - 1)
+    kept = pattern.keys[place] == keys
     weights = left.data[of_left] * right.data[of_right]
-    return place, (entry + begin).astype(np.int32), weights
+    return place[kept].astype(np.int32), (entry[kept] + begin).astype(np.int32), weights[kept]
 
 
 def scatter_map(

@@ -12,7 +12,7 @@ import numpy as np
 from ngspring.design import Design
 from ngspring.errors import ProblemError
 from ngspring.mechanics import Equilibrium, Mechanics
-from ngspring.path import follow
+from ngspring.path import checked_displacements, follow
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray
@@ -137,7 +137,7 @@ def load_displacement(
         raise ProblemError(f"eta = {eta!r} must be a finite number")
     if domain is not None:
         problem = problem.replace(domain=domain)
-    targets = _checked(displacements, problem)
+    targets = checked_displacements(displacements, problem)
     with parallel(threads) as count:
         scalar = ScalarSpace(Grid(problem))
         chi: ng.CoefficientFunction | FloatArray = design
@@ -177,19 +177,3 @@ def load_displacement(
         message="; ".join(messages),
         iterations=iterations[0],
     )
-
-
-def _checked(displacements: Iterable[float], problem: SpringProblem) -> FloatArray:
-    try:
-        values = np.array(sorted({float(d) for d in displacements}))
-    except (TypeError, ValueError):
-        raise ProblemError("displacements must be numbers in mm") from None
-    if not len(values):
-        raise ProblemError("no displacements were given")
-    for d in values:
-        if not np.isfinite(d) or abs(d) >= problem.H:
-            raise ProblemError(
-                f"displacement {d:g} mm must be a finite number smaller in size than H ="
-                f" {problem.H:g} mm"
-            )
-    return values

@@ -11,10 +11,10 @@ from ngspring.design import Design
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.kkt import CoupledSystem, State
 from ngspring.mechanics import Equilibrium, Mechanics
+from ngspring.memory import release_memory
 from ngspring.path import follow
 from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray
-from ngspring.threads import release_memory
 
 Start = Design | Callable[[FloatArray, FloatArray], Any]
 

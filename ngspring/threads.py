@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -36,13 +34,3 @@ def tasks() -> contextlib.AbstractContextManager[Any]:
     numpy and MKL.
     """
     return ng.TaskManager()  # type: ignore[no-any-return]
-
-
-def release_memory() -> None:
-    """Give freed memory back to the system where the C library keeps it (glibc).
-
-    Building the index maps of a mesh leaves the heap full of holes, 0.14 GB at 80 x 80.
-    """
-    if sys.platform.startswith("linux"):
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL("libc.so.6").malloc_trim(0)

@@ -13,6 +13,7 @@ from scipy.sparse.linalg import splu
 
 from ngspring.design import Design
 from ngspring.kkt import CoupledSystem, Residual, State
+from ngspring.linear import symmetric
 from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem
 from ngspring.spaces import stretched
 from ngspring.splines import FloatArray
@@ -158,8 +159,7 @@ class Flat:
         system = self.system
         system.assemble(self.state(x), self.dt)
         assert system._maps is not None
-        lower = system._maps.lower.copy()
-        packed = lower + sp.tril(lower, -1).T
+        packed = symmetric(system._maps.triangle)
         unit = np.eye(system.unknowns)
         columns = [sp.csc_matrix(self.vector(system._unpack(e))[:, None]) for e in unit]
         inverse = splu(sp.hstack(columns, format="csc"))

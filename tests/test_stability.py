@@ -18,12 +18,14 @@ from scipy.linalg import eigh
 from ngspring.cli import cli
 from ngspring.design import Design
 from ngspring.errors import ProblemError
+from ngspring.linear import symmetric
 from ngspring.mechanics import Mechanics
+from ngspring.modes import FullTangent, inertia, mirrored
 from ngspring.path import follow
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.splines import FloatArray
-from ngspring.stability import ZERO, FullTangent, Stability, inertia, mirrored, stability
+from ngspring.stability import ZERO, Stability, stability
 from ngspring.stability_plot import stability_figure
 from ngspring.stored import gallery
 
@@ -180,7 +182,7 @@ def test_lowest_eigenvalues_are_those_of_the_dense_matrices(solver: str) -> None
         field = mirrored(part, whole, quarter.full_field(state.d, state.u), state.d)
         u = tangent.displacement.restrict(field)[:-1]
         values, vectors, negative = tangent.lowest(state.d, u, 4)
-        K = tangent._symmetric(tangent._lower.data).toarray()
+        K = symmetric(tangent._factorization.matrix).toarray()
         M = tangent._mass.toarray()
         exact = eigh(K, M, eigvals_only=True)
         count = int((exact < -ZERO).sum())
