@@ -5,7 +5,7 @@ right border are one column: the sides are symmetry lines.
 
 The snapshots come with the package (ngspring/designs/snapshots-NAME.npz); --recompute makes them
 in runs/figures/NAME/snapshots.npz, minutes on a coarse mesh (--elements 32) and an hour or more on
-the paper's. `ngspring.snapshots.SnapshotRecorder` is the observer that records them.
+the paper's. Every run records them, see `ngspring.snapshots`.
 
 Numbers to expect: W/H = 0.5 at the start of both (of the random one only nearly), and 0.2526 at the
 end from the column (paper: 0.2539 after 153 updates; 0.2515 after 140 from its random start).
@@ -29,7 +29,7 @@ def load(name: str, options: Options) -> Snapshots | None:
         return None
     if options.recompute:
         recompute(name, options)
-        return Snapshots.load(options.folder(name) / "snapshots.npz")
+        return Snapshots.load(options.folder(name) / "snapshots.npz").select()
     resource = files("ngspring") / "designs" / f"snapshots-{name}.npz"
     if not resource.is_file():
         print(f"no snapshots of {name}: make them with --recompute")

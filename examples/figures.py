@@ -29,7 +29,6 @@ from ngspring.labels import width_symbol
 from ngspring.plots import save_figure
 from ngspring.progress import shown_progress
 from ngspring.report import make_console
-from ngspring.snapshots import SnapshotRecorder
 from ngspring.states import curve_displacements, index_of
 
 HERE = Path(__file__).parent
@@ -92,7 +91,7 @@ def load_designs(names: Iterable[str], options: Options) -> dict[str, Design | N
 
 
 def recompute(name: str, options: Options) -> Design:
-    """Optimise a design of gallery.toml; its snapshots are kept beside it (`snapshots.npz`)."""
+    """Optimise a design of gallery.toml."""
     run, folder = RUNS[name], options.folder(name)
     problem = run.problem
     if options.elements is not None:
@@ -105,7 +104,6 @@ def recompute(name: str, options: Options) -> Design:
         initial = read_design(run.design)[0]
     elif run.start == "random":
         initial = Design.random(problem, run.seed or 0)
-    recorder = SnapshotRecorder(folder / "snapshots.npz")
     with shown_progress(problem, make_console()) as progress:
         result = optimize(
             problem,
@@ -113,7 +111,7 @@ def recompute(name: str, options: Options) -> Design:
             run.dt_initial,
             run.max_updates,
             folder,
-            (progress, recorder),
+            (progress,),
             resume=True,
             threads=options.threads,
             start_name=run.start_name,

@@ -21,6 +21,7 @@ VERSION = 1
 CHECKPOINT = "checkpoint.npz"
 DESIGN = "design.npz"
 HISTORY = "history.csv"
+SNAPSHOTS = "snapshots.npz"
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pathlib import Path
 import ngsolve as ng
 import numpy as np
 
-from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, Checkpoint, locked
+from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, SNAPSHOTS, Checkpoint, locked
 from ngspring.design import Design, equivalent_width
 from ngspring.elimination import Elimination
 from ngspring.errors import ProblemError, RunFolderError
@@ -27,6 +27,7 @@ from ngspring.history import History
 from ngspring.kkt import CoupledSystem
 from ngspring.newton import NewtonResult, NewtonSettings, solve_update
 from ngspring.problem import SpringProblem, shown
+from ngspring.snapshots import SnapshotRecorder
 from ngspring.splines import FloatArray
 from ngspring.start import Start, initial_state, start_design
 from ngspring.steprule import StepRule, time_unit
@@ -116,8 +117,8 @@ def optimize(
     max_updates : int, optional
         Stop after this many design updates in all.
     out : path, optional
-        Run folder: a checkpoint after every accepted update, at the end ``design.npz`` and
-        ``history.csv``.
+        Run folder: a checkpoint and ``snapshots.npz`` (see `ngspring.snapshots`) after every
+        accepted update, at the end ``design.npz`` and ``history.csv``.
     observers : sequence of callables
         Called with an `Update` after every accepted or rejected update.
     resume : bool
@@ -167,6 +168,7 @@ def optimize(
             run.write()
             return run.result(True, "")
         run.folder = folder
+        run.observers = (SnapshotRecorder(folder / SNAPSHOTS), *run.observers)
         try:
             with parallel(threads) as count:
                 if checkpoint is None:

@@ -6,6 +6,7 @@ A picture needs no more than three digits of chi, so half precision is enough: s
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,10 @@ from ngspring.problem_toml import parse_toml
 if TYPE_CHECKING:
     from ngspring.evolution import Update
 
+logger = logging.getLogger(__name__)
+
 VERSION = 1
+#: The updates that Fig. 16 shows, besides the last one.
 UPDATES = (0, 5, 10, 20, 30, 40)
 _LARGEST = float(np.finfo(np.float16).max)
 
@@ -49,6 +53,12 @@ class Snapshots:
         """The designs by design update."""
         pairs = zip(self.updates, self.coefficients, strict=True)
         return {int(update): Design(self.problem, chi.astype(float)) for update, chi in pairs}
+
+    def select(self, updates: Iterable[int] = UPDATES) -> Snapshots:
+        """Those of these updates that are there, and the last one."""
+        wanted = np.isin(self.updates, list(updates))
+        wanted[-1:] = True
+        return Snapshots(self.problem, self.updates[wanted], self.coefficients[wanted])
 
     def save(self, path: PathLike) -> None:
         """Write one small .npz, atomically.
@@ -102,8 +112,8 @@ class SnapshotRecorder:
     ----------
     path : path
         File to write.
-    updates : iterable of int
-        After which design updates; 0 is the initial design.
+    updates : iterable of int, optional
+        After which design updates; 0 is the initial design. All by default.
 
     Examples
     --------
@@ -111,9 +121,9 @@ class SnapshotRecorder:
     >>> ngspring.optimize(problem, observers=[recorder])  # doctest: +SKIP
     """
 
-    def __init__(self, path: PathLike, updates: Iterable[int] = UPDATES) -> None:
+    def __init__(self, path: PathLike, updates: Iterable[int] | None = None) -> None:
         self.path = Path(path)
-        self.updates = frozenset(updates)
+        self.updates = None if updates is None else frozenset(updates)
         self._kept: dict[int, NDArray[np.float16]] | None = None
 
     def __call__(self, update: Update) -> None:
@@ -123,7 +133,7 @@ class SnapshotRecorder:
         number = int(update.row["update"])
         problem = update.design.problem
         before = self._stored(problem) if self._kept is None else self._kept
-        kept = {k: chi for k, chi in before.items() if k < number and k in self.updates}
+        kept = {k: chi for k, chi in before.items() if k < number and self._wanted(k)}
         # Half precision ends at 65504; so deep in the void the digits do not matter.
         chi = np.clip(update.design.coefficients, -_LARGEST, _LARGEST)
         kept[number] = chi.astype(np.float16)
@@ -131,10 +141,18 @@ class SnapshotRecorder:
         numbers = np.array(sorted(kept), dtype=np.int64)
         Snapshots(problem, numbers, np.array([kept[k] for k in numbers])).save(self.path)
 
+    def _wanted(self, update: int) -> bool:
+        return self.updates is None or update in self.updates
+
     def _stored(self, problem: SpringProblem) -> dict[int, NDArray[np.float16]]:
         if not self.path.exists():
             return {}
-        stored = Snapshots.load(self.path)
+        try:
+            stored = Snapshots.load(self.path)
+        except DesignFileError as error:
+            # They are for pictures only: no reason to lose a run.
+            logger.warning("%s; the snapshots begin anew", error)
+            return {}
         if stored.problem != problem:
             return {}
         return dict(zip(map(int, stored.updates), stored.coefficients, strict=True))

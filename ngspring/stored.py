@@ -26,7 +26,12 @@ class Gallery(Mapping[str, Design]):
         if not self._folder.is_dir():
             return []
         names = [entry.name for entry in self._folder.iterdir()]
-        return sorted(name.removesuffix(".npz") for name in names if name.endswith(".npz"))
+        # Snapshots of a run (Fig. 16) lie beside the designs.
+        return sorted(
+            name.removesuffix(".npz")
+            for name in names
+            if name.endswith(".npz") and not name.startswith("snapshots-")
+        )
 
     def __getitem__(self, name: str) -> Design:
         """The design of this name.

@@ -17,6 +17,7 @@ def test_the_gallery_holds_the_compression_springs_c4_and_c7() -> None:
 
 def test_the_gallery_is_a_read_only_mapping_of_every_stored_file() -> None:
     stored = [e.name for e in (files("ngspring") / "designs").iterdir() if e.name[0] != "."]
+    stored = [name for name in stored if not name.startswith("snapshots-")]
     assert sorted(gallery) == sorted(name.removesuffix(".npz") for name in stored)
     assert len(gallery) == len(list(gallery)) == len(set(gallery))
     assert all(name in gallery for name in gallery)
@@ -52,7 +53,13 @@ def test_every_stored_design_belongs_to_its_case() -> None:
         assert isinstance(design, Design), name
         case = design.problem.name
         assert name == case or name.startswith(f"{case}-"), name
-        assert design.problem == cases[case], name
+        problem = cases[case]
+        if name.endswith("-not-robust"):
+            # Appendix A: without the control point of the dilated design.
+            blueprint = [point for point in problem.control_points if not point.eta]
+            assert len(blueprint) < len(problem.control_points), name
+            problem = problem.replace(control_points=tuple(blueprint))
+        assert design.problem == problem, name
 
 
 def test_every_stored_design_says_that_it_converged_to_its_targets() -> None:
