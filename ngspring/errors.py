@@ -23,3 +23,11 @@ class RunFolderError(NgspringError):
 
 class ConvergenceError(RuntimeError):
     """An analysis or an evolution could not be followed to its end."""
+
+
+class OutlineError(NgspringError):
+    """A design has no outline to build: grey, empty, full, or not joined to both loaded sides."""
+
+
+class ExportError(NgspringError):
+    """A part cannot be written in the wanted format."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -30,8 +31,15 @@ def start_design(problem: SpringProblem, initial: Start | None) -> Design:
     raise ProblemError(f"initial = {initial!r} is neither a Design nor a function f(x, y)")
 
 
+#: Largest step on the way to the control points, in units of H.
+LARGEST_STEP = 1 / 40
+
+
 def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics], list[Equilibrium]]:
     """Forward solution at every control point from the undeformed state (chi: coefficients).
+
+    The path is followed in small steps: with a large one Newton's iteration may land on another
+    branch than the one the spring takes (straight walls may buckle inwards as well as outwards).
 
     Raises
     ------
@@ -48,11 +56,16 @@ def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics],
             targets = sorted(
                 {p.d for p in system.points if p.eta == eta and p.d * sign > 0}, key=abs
             )
-            path, message = follow(body, np.array(targets))
+            if not targets:
+                continue
+            count = math.ceil(abs(targets[-1]) / (LARGEST_STEP * system.problem.H))
+            between = np.linspace(0.0, targets[-1], count + 1)[1:]
+            path, message = follow(body, np.array(sorted({*targets, *between}, key=abs)))
             if message:
                 raise ConvergenceError(message)
             for equilibrium in path:
-                reached[eta, equilibrium.d] = body.refined(equilibrium)
+                if equilibrium.d in targets:
+                    reached[eta, equilibrium.d] = body.refined(equilibrium)
     bodies = [mechanics[point.eta] for point in system.points]
     return bodies, [reached[point.eta, point.d] for point in system.points]
 
