@@ -13,26 +13,48 @@ from ngspring.cases import cases, get_case
 from ngspring.errors import (
     ConvergenceError,
     DesignFileError,
+    ExportError,
     NgspringError,
+    OutlineError,
     ProblemError,
     RunFolderError,
 )
 from ngspring.problem import ControlPoint, SpringProblem
 
 if TYPE_CHECKING:
+    from ngspring.body import Body
+    from ngspring.bodymesh import mesh_body
+    from ngspring.contact_response import (
+        ContactResponse,
+        ContactSettings,
+        contact_load_displacement,
+    )
     from ngspring.design import Design
     from ngspring.evolution import Result, Update, optimize
+    from ngspring.export import export_body
     from ngspring.history import History
+    from ngspring.offsets import Tolerance, tolerance
     from ngspring.response import Response, load_displacement
     from ngspring.stationarity import Optimality, optimality
     from ngspring.steprule import StepRule
     from ngspring.stored import gallery
     from ngspring.taylor import taylor_test
+    from ngspring.verification import Verification, verify
 
 __version__ = "0.1.0"
 
 # What needs NGSolve is imported at its first use, so that `import ngspring` is quick.
 _LAZY = {
+    "Body": "body",
+    "mesh_body": "bodymesh",
+    "ContactResponse": "contact_response",
+    "ContactSettings": "contact_response",
+    "contact_load_displacement": "contact_response",
+    "export_body": "export",
+    "Tolerance": "offsets",
+    "tolerance": "offsets",
+    "Verification": "verification",
+    "verify": "verification",
     "Design": "design",
     "History": "history",
     "Result": "evolution",
@@ -48,27 +70,39 @@ _LAZY = {
 }
 
 __all__ = [
+    "Body",
+    "ContactResponse",
+    "ContactSettings",
     "ControlPoint",
     "ConvergenceError",
     "Design",
     "DesignFileError",
+    "ExportError",
     "History",
     "NgspringError",
     "Optimality",
+    "OutlineError",
     "ProblemError",
     "Response",
     "Result",
     "RunFolderError",
     "SpringProblem",
     "StepRule",
+    "Tolerance",
     "Update",
+    "Verification",
     "cases",
+    "contact_load_displacement",
+    "export_body",
     "gallery",
     "get_case",
     "load_displacement",
+    "mesh_body",
     "optimality",
     "optimize",
     "taylor_test",
+    "tolerance",
+    "verify",
 ]
 
 

@@ -23,6 +23,7 @@ from ngspring.cases import cases
 from ngspring.errors import ConvergenceError, NgspringError, ProblemError
 from ngspring.problem import DOMAINS
 from ngspring.stability_cli import stability_command
+from ngspring.verification_cli import export_command, tolerance_command, verify_command
 
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 SOLVERS = ("auto", "sparsecholesky", "pardiso")
@@ -391,7 +392,14 @@ def bench_command(
     return OK
 
 
-cli.commands.update(campaign=campaign_command, stability=stability_command)
+for _command in (
+    campaign_command,
+    stability_command,
+    verify_command,
+    tolerance_command,
+    export_command,
+):
+    cli.add_command(_command)
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from ngspring.errors import ProblemError
 from ngspring.splines import FloatArray
@@ -35,6 +36,9 @@ class Factorization(Protocol):
 
     matrix: sp.csr_matrix
 
+    def set_pattern(self, triangle: sp.csr_matrix) -> None:
+        """Begin anew with another matrix."""
+
     def factorize(self) -> None:
         """Numeric factorisation for the present values of `matrix`."""
 
@@ -50,6 +54,11 @@ class SparseCholesky:
     """NGSolve's sparse L D L^T factorisation; reads the lower triangle only."""
 
     def __init__(self, lower: sp.csr_matrix) -> None:
+        self.set_pattern(lower)
+
+    def set_pattern(self, triangle: sp.csr_matrix) -> None:
+        """See `Factorization`."""
+        lower = triangle
         rows = np.repeat(np.arange(lower.shape[0], dtype=np.int32), np.diff(lower.indptr))
         columns = lower.indices.astype(np.int32, copy=False)
         self._matrix = ng.la.SparseMatrixd.CreateFromCOO(rows, columns, lower.data, *lower.shape)
@@ -95,9 +104,16 @@ class Pardiso:
             # Own parameters, METIS, tiny pivot bound 1e-13, no scaling, no matching, no refinement
             # (we refine block by block), classic factorisation.
             self._solver.set_iparm(index, value)
-        self.matrix = upper
+        self.set_pattern(upper)
+
+    def set_pattern(self, triangle: sp.csr_matrix) -> None:
+        """See `Factorization`."""
+        if hasattr(self, "matrix"):
+            # A new solver object would search the file system for MKL again.
+            self._solver.free_memory(everything=True)
+        self.matrix = triangle
         self._analysed = False
-        self._nothing = np.zeros((upper.shape[0], 1), order="F")
+        self._nothing = np.zeros((triangle.shape[0], 1), order="F")
 
     def factorize(self) -> None:
         """See `Factorization`."""
@@ -175,3 +191,20 @@ def symmetric(triangle: sp.csr_matrix) -> sp.csr_matrix:
     transposed = triangle.T.tocsr()
     transposed.setdiag(0.0)
     return sp.csr_matrix(triangle + transposed)
+
+
+def inertia(matrix: sp.csr_matrix) -> int | None:
+    """Number of negative eigenvalues of a symmetric matrix, by scipy's LU factorisation.
+
+    Rows and columns are ordered alike and pivots stay on the diagonal, so that the signs of U's
+    diagonal are those of an L D L^T. None if a pivot had to be taken elsewhere.
+    """
+    factors = splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True, "Equil": False},
+    )
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return None
+    return int((factors.U.diagonal() < 0).sum())

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from ngspring import energies
 from ngspring.errors import ConvergenceError
-from ngspring.linear import symmetric
+from ngspring.linear import inertia, symmetric
 from ngspring.mechanics import Mechanics
 from ngspring.response import nodal_values
 from ngspring.spaces import ScalarSpace
@@ -111,23 +111,6 @@ def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float)
     u_x, u_y = field.reshape(2, -1)[:, twin]
     top = np.where(whole.is_vertex(np.arange(whole.ndof)), d, 0.0)
     return np.concatenate([np.where(right, -u_x, u_x), np.where(upper, top - u_y, u_y)])
-
-
-def inertia(matrix: sp.csr_matrix) -> int | None:
-    """Number of negative eigenvalues of a symmetric matrix, by scipy's LU factorisation.
-
-    Rows and columns are ordered alike and pivots stay on the diagonal, so that the signs of U's
-    diagonal are those of an L D L^T. None if a pivot had to be taken elsewhere.
-    """
-    factors = splu(
-        matrix.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True, "Equil": False},
-    )
-    if not np.array_equal(factors.perm_r, factors.perm_c):
-        return None
-    return int((factors.U.diagonal() < 0).sum())
 
 
 class FullTangent(Mechanics):

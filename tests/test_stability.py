@@ -18,9 +18,9 @@ from scipy.linalg import eigh
 from ngspring.cli import cli
 from ngspring.design import Design
 from ngspring.errors import ProblemError
-from ngspring.linear import symmetric
+from ngspring.linear import inertia, symmetric
 from ngspring.mechanics import Mechanics
-from ngspring.modes import FullTangent, inertia, mirrored
+from ngspring.modes import FullTangent, mirrored
 from ngspring.path import follow
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, spline_extraction

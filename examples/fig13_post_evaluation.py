@@ -1,0 +1,45 @@
+"""Fig. 13: curves of the third medium (solid) and of the solids with real contact (dashed).
+
+Left compression (C1, C4, C7), right tension (T2, T3, T6), as in the paper. Each design is
+remodelled with a body-fitted mesh of {chi > 0} and frictionless contact of its surfaces.
+
+Numbers to expect: the solids are a few percent stiffer, since the third medium's grey surfaces
+carry less than the solid up to chi = 0; the form of the curves stays (results/verification.json has
+them all). Half a minute to a few minutes for each design on one core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from figures import load_designs, read_options, save
+
+from ngspring.verification import verify
+from ngspring.verification_plot import verifications_figure
+
+GROUPS = {"compression": ("C1", "C4", "C7"), "tension": ("T2", "T3", "T6")}
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
+    options = read_options(__doc__, arguments)
+    designs = load_designs([name for names in GROUPS.values() for name in names], options)
+    verified = {
+        name: verify(design, points=options.points, threads=options.threads)
+        for name, design in designs.items()
+        if design is not None
+    }
+    groups = {
+        title: {name: verified[name] for name in names if name in verified}
+        for title, names in GROUPS.items()
+    }
+    save(verifications_figure(groups), options, "fig13")
+    return {
+        name: {f"q({verdict.point.d:g})": verdict.q_contact for verdict in outcome.points}
+        | {"largest deviation": outcome.largest_deviation[2]}
+        for name, outcome in verified.items()
+    }
+
+
+if __name__ == "__main__":
+    for name, values in main().items():
+        print(name, values)

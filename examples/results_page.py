@@ -1,0 +1,174 @@
+"""The tables of examples/README.md, made from the stored designs and what was computed with them.
+
+What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
+
+- ``designs``: every stored design with its targets, what it reached, W/H, the effort, the start;
+- ``stability``: where its symmetric path loses stability (results/stability.json, written by
+  stability_of_gallery.py);
+- ``verification``: how far the remodelled solid with real contact is from the third medium
+  (results/verification.json, written by verification_of_gallery.py).
+
+    python examples/results_page.py
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from figures import RUNS
+
+from ngspring import Design, gallery
+from ngspring.files import write_text
+
+HERE = Path(__file__).parent
+PAGE = HERE / "README.md"
+#: W/H and design updates where the paper's text states them.
+PAPER = {"C7": ("0.2539", "153"), "C7-random": ("0.2515", "140"), "C4": ("", "115 + 1")}
+Row = Sequence[str]
+
+
+def names() -> list[str]:
+    """The designs in the order of the gallery's campaign, then any others."""
+    return [name for name in RUNS if name in gallery] + sorted(set(gallery) - set(RUNS))
+
+
+def results(name: str) -> dict[str, Any]:
+    path = HERE / "results" / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def table(header: Row, rows: Iterable[Row]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def forces(design: Design) -> tuple[str, str, float]:
+    """Targets, forces reached (dilated control points in brackets) and the largest deviation."""
+    targets, reached, worst = [], [], 0.0
+    for point, q in zip(design.problem.control_points, design.info["q"], strict=True):
+        text = f"{q:.4f}" if abs(q) < 50 else f"{q:.2f}"
+        if point.eta:
+            targets.append(f"({point.q:g})")
+            reached.append(f"({text})")
+        else:
+            targets.append(f"{point.q:g} at {point.d:g}")
+            reached.append(text)
+            worst = max(worst, abs(q / point.q - 1))
+    return ", ".join(targets), ", ".join(reached), worst
+
+
+def design_row(name: str) -> Row:
+    design = gallery[name]
+    history = design.history
+    assert history is not None
+    targets, reached, worst = forces(design)
+    width, updates = PAPER.get(name, ("", ""))
+    return (
+        name,
+        targets,
+        reached,
+        f"{100 * worst:.4f} %",
+        f"{design.equivalent_width / design.problem.H:.4f}",
+        width,
+        str(len(history) - 1),
+        updates,
+        str(history.newton_iterations),
+        f"{history.last()['seconds'] / 60:.0f}",
+        str(design.info["start"]),
+    )
+
+
+def designs_table() -> str:
+    header = (
+        "design", "targets q [N] at d [mm]", "reached q [N]", "largest deviation", "W/H or D/H",
+        "paper", "updates", "paper", "Newton iterations", "minutes", "start",
+    )  # fmt: skip
+    return table(header, map(design_row, names()))
+
+
+def stability_row(name: str, found: dict[str, Any]) -> Row:
+    low, high = found["range"]
+    events = [
+        f"{c['symmetry']} mode from d = {c['d']:.2f} mm, q = {c['q']:.4g} N on"
+        f" ({100 * c['in_solid']:.0f} % in solid)"
+        for c in found["critical"]
+    ]
+    picture = f"[mode](figures/stability-{name}.png)" if events else ""
+    return (
+        name,
+        f"{low:g} to {high:g}",
+        f"{found['lowest']:.4f}",
+        "; ".join(events) or "stable",
+        picture,
+    )
+
+
+def stability_table() -> str:
+    stored = results("stability")
+    rows = [stability_row(name, stored[name]) for name in names() if name in stored]
+    header = ("design", "d [mm]", "lowest eigenvalue", "symmetric path", "picture")
+    return table(header, rows)
+
+
+def percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:+.1f} %"
+
+
+def verification_row(name: str, found: dict[str, Any]) -> Row:
+    if "error" in found:
+        return (name, "", "", "", "", "", "", found["error"])
+    points = found["control_points"]
+    forces = ", ".join(
+        f"{p['q_third_medium']:.4g} / "
+        + ("-" if p["q_contact"] is None else f"{p['q_contact']:.4g}")
+        for p in points
+    )
+    largest = found["largest_deviation"]
+    starts = ", ".join(f"{d:.2f}" for d in found["contact_starts"]) or "none"
+    remarks = " ".join([*found["remarks"], found["message"]]).strip()
+    pictures = f"[curves](figures/verification-{name}.png) [states](figures/contact-{name}.png)"
+    return (
+        f"{name} ({pictures})",
+        forces,
+        ", ".join(percent(p["relative_deviation"]) for p in points),
+        f"{percent(largest['relative'])} at {largest['d']:g}",
+        starts,
+        f"{found['largest_stretch']['value']:.2f}",
+        f"{found['smallest_wall']:.1f}" if found["smallest_wall"] else "-",
+        remarks,
+    )
+
+
+def verification_table() -> str:
+    stored = results("verification")
+    rows = [verification_row(name, stored[name]) for name in names() if name in stored]
+    header = (
+        "design", "q [N]: third medium / real contact", "deviation at the control points",
+        "largest over the path, at d [mm]", "contact from d [mm]", "largest stretch",
+        "smallest wall [mm]", "in words",
+    )  # fmt: skip
+    return table(header, rows)
+
+
+def replaced(text: str, name: str, content: str) -> str:
+    pattern = rf"(<!-- {name} -->\n).*?(<!-- end {name} -->)"
+    new, count = re.subn(pattern, lambda m: f"{m[1]}{content}\n{m[2]}", text, flags=re.DOTALL)
+    if count != 1:
+        raise SystemExit(f"{PAGE} lacks its part {name!r}")
+    return new
+
+
+def page() -> str:
+    """The page with its tables made anew."""
+    text = PAGE.read_text(encoding="utf-8")
+    text = replaced(text, "designs", designs_table())
+    text = replaced(text, "stability", stability_table())
+    return replaced(text, "verification", verification_table())
+
+
+if __name__ == "__main__":
+    write_text(PAGE, page())

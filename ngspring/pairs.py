@@ -1,0 +1,131 @@
+"""Which point of a surface faces which other point of it: closest-point projection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ngspring.splines import FloatArray, IntArray
+from ngspring.surface import CURVATURES, Surface, outward, shapes, slopes
+
+_SAMPLES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+_NEAREST = 4
+#: Product of the normals of a point and of its foot from which on they face each other.
+_OPPOSED = -0.5
+#: An edge is prolonged by this part of its length at a concave kink between two edges, so that a
+#: point inside the other solid is not lost between them (at a convex one it is not inside); and by
+#: this much where the surface ends on a side of the meshed part, and its mirror image goes on.
+_OVERHANG, _OPEN_OVERHANG = 0.02, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Points of a surface and what they face.
+
+    Attributes
+    ----------
+    point : int array (pairs,)
+        Number of the point of contact (edge after edge).
+    edge, s : arrays (pairs,)
+        Foot of the perpendicular: edge and parameter.
+    gap : array (pairs,)
+        Signed distance in mm, negative inside the other solid.
+    normal : array (pairs, 2)
+        Outward normal at the foot.
+    """
+
+    point: IntArray
+    edge: IntArray
+    s: FloatArray
+    gap: FloatArray
+    normal: FloatArray
+
+
+class PairSearch:
+    """Finds the pairs of a surface.
+
+    A point sees only surface that faces it (normals more than 120 degrees apart), so not
+    its own neighbourhood; and it is taken to be inside by less than the length of the edge it
+    sees, so not the far side of the wall that it stands on itself: a body's mesh has several
+    elements across each wall.
+    """
+
+    def __init__(self, surface: Surface, s: FloatArray) -> None:
+        self.surface = surface
+        self.s = s
+        first, last = surface.nodes[:, 0], surface.nodes[:, 2]
+        order = np.argsort(first)
+        place = np.minimum(np.searchsorted(first[order], last), len(order) - 1)
+        #: Pairs of edges that meet, the end of one and the beginning of the other.
+        self._before = np.flatnonzero(first[order[place]] == last)
+        self._after = order[place[self._before]]
+
+    def find(self, positions: FloatArray) -> Pairs:
+        """All pairs closer than about twice the longest edge."""
+        surface = self.surface
+        points = surface.at(positions, self.s).reshape(-1, 2)
+        normals = _unit(outward(surface.slopes_at(positions, self.s))).reshape(-1, 2)
+        samples = surface.at(positions, _SAMPLES).reshape(-1, 2)
+        facing = _unit(outward(surface.slopes_at(positions, _SAMPLES))).reshape(-1, 2)
+        chord = positions[surface.nodes[:, 2]] - positions[surface.nodes[:, 0]]
+        lengths = np.linalg.norm(chord, axis=1)
+        reach = 2.0 * lengths.max()
+        # Near in place and opposite in direction: nearest in the product of both.
+        tree = cKDTree(np.hstack([samples, reach * facing]))
+        bound = 1.5 * reach
+        distance, found = tree.query(
+            np.hstack([points, -reach * normals]), k=_NEAREST, distance_upper_bound=bound
+        )
+        point, k = np.nonzero(np.isfinite(distance))
+        sample = found[point, k]
+        edge, s = sample // len(_SAMPLES), _SAMPLES[sample % len(_SAMPLES)]
+        x = positions[surface.nodes[edge]]
+        s, converged = _project(points[point], x, s)
+        t = np.einsum("pi,pic->pc", slopes(s), x)
+        normal = _unit(outward(t))
+        gap = ((points[point] - np.einsum("pi,pic->pc", shapes(s), x)) * normal).sum(1)
+        limit = self._overhang(positions)[edge]
+        opposed = (normal * normals[point]).sum(1) < _OPPOSED
+        seen = converged & opposed & (s >= -limit[:, 0]) & (s <= 1 + limit[:, 1])
+        seen &= (gap > -lengths[edge]) & (gap < reach)
+        beyond = np.maximum(np.maximum(-s, s - 1), 0.0) * lengths[edge]
+        order = np.lexsort([np.abs(gap) + 1e3 * beyond, point, ~seen])[: int(seen.sum())]
+        _, first = np.unique(point[order], return_index=True)
+        best = order[first]
+        return Pairs(point[best], edge[best], s[best], gap[best], normal[best])
+
+    def _overhang(self, positions: FloatArray) -> FloatArray:
+        """By which part of its length each edge is prolonged at its two ends."""
+        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
+        t, next_t = ends[self._before, 1], ends[self._after, 0]
+        concave = t[:, 0] * next_t[:, 1] - t[:, 1] * next_t[:, 0] < 0.0
+        limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, 0.0)
+        limit[self._before[concave], 1] = _OVERHANG
+        limit[self._after[concave], 0] = _OVERHANG
+        return limit
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(length, 1e-300))
+
+
+def _project(points: FloatArray, x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Closest points of parabolas: Newton's method for ``(p - x(s)) . x'(s) = 0``."""
+    c = np.einsum("i,pic->pc", CURVATURES, x)
+    update = np.zeros_like(s)
+    for _ in range(20):
+        offset = points - np.einsum("pi,pic->pc", shapes(s), x)
+        t = np.einsum("pi,pic->pc", slopes(s), x)
+        curvature = (t * t).sum(1) - (offset * c).sum(1)
+        safe = np.where(curvature > 0.0, curvature, np.inf)
+        update = np.clip((offset * t).sum(1) / safe, -0.5, 0.5)
+        s = np.clip(s + update, -1.0, 2.0)
+        if np.abs(update).max(initial=0.0) < 1e-14:
+            break
+    t = np.einsum("pi,pic->pc", slopes(s), x)
+    offset = points - np.einsum("pi,pic->pc", shapes(s), x)
+    curvature = (t * t).sum(1) - (offset * c).sum(1)
+    return s, (np.abs(update) < 1e-10) & (curvature > 0.0)

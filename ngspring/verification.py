@@ -1,0 +1,268 @@
+"""How far the third medium's answer is from a solid whose surfaces really touch (3.5).
+
+A stored design is remodelled with a body-fitted mesh of {chi > level} and real contact, and both
+load-displacement curves are computed at the same displacements.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ngspring.body import Body
+from ngspring.bodymesh import mesh_body
+from ngspring.contact_response import (
+    ContactResponse,
+    ContactSettings,
+    contact_load_displacement,
+)
+from ngspring.design import Design
+from ngspring.outline import outline
+from ngspring.problem import ControlPoint
+from ngspring.response import Response, load_displacement
+from ngspring.splines import FloatArray
+from ngspring.states import curve_displacements
+from ngspring.wallsize import survey
+
+logger = logging.getLogger(__name__)
+
+#: A deviation of more than this (of the third medium's force) is worth a sentence.
+REMARKABLE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PointVerdict:
+    """Both answers at a control point.
+
+    Attributes
+    ----------
+    point : ControlPoint
+    q_third_medium, q_contact : float
+        Forces in N; NaN where a path did not get there.
+    """
+
+    point: ControlPoint
+    q_third_medium: float
+    q_contact: float
+
+    @property
+    def deviation(self) -> float:
+        """q_contact - q_third_medium in N."""
+        return self.q_contact - self.q_third_medium
+
+    @property
+    def relative(self) -> float:
+        """Deviation relative to the third medium's force."""
+        return self.deviation / self.q_third_medium if self.q_third_medium else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Outcome of `verify`.
+
+    Attributes
+    ----------
+    design : Design
+    body : Body
+        The remodelled solid.
+    third_medium : Response
+    contact : ContactResponse
+    smallest_wall : float
+        Diameter in mm of the smallest disc in the solid that touches two opposite surfaces;
+        infinite if the solid has none.
+    """
+
+    design: Design
+    body: Body
+    third_medium: Response
+    contact: ContactResponse
+    smallest_wall: float
+
+    @property
+    def points(self) -> tuple[PointVerdict, ...]:
+        """Both answers at each control point of the blueprint design."""
+        return tuple(
+            PointVerdict(point, _at(self.third_medium, point.d), _at(self.contact, point.d))
+            for point in self.design.problem.control_points
+            if not point.eta
+        )
+
+    @property
+    def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """d, q by the third medium and q by real contact where both were reached."""
+        d = np.array(
+            [x for x in self.third_medium.d if np.isclose(self.contact.d, x, atol=1e-9).any()]
+        )
+        both = (self.third_medium, self.contact)
+        first, second = (np.array([_at(curve, x) for x in d]) for curve in both)
+        return d, first, second
+
+    @property
+    def largest_deviation(self) -> tuple[float, float, float]:
+        """The largest deviation over the path.
+
+        Returns
+        -------
+        d, deviation, relative : float
+            Displacement in mm, deviation in N, and the deviation relative to the largest force of
+            the third medium on the same side (compression or tension), positive where the solid is
+            stiffer.
+        """
+        d, q, q_contact = self.path
+        deviation = q_contact - q
+        if not len(d):
+            return float("nan"), float("nan"), float("nan")
+        size = np.array([np.abs(q[d * x > 0]).max(initial=0.0) for x in d])
+        towards = deviation * np.sign(q)
+        relative = np.divide(towards, size, out=np.zeros_like(q), where=size > 0)
+        k = int(np.abs(relative).argmax())
+        return float(d[k]), float(deviation[k]), float(relative[k])
+
+    @property
+    def largest_stretch(self) -> tuple[float, float, float]:
+        """Largest principal stretch over the path, and its place x, y in the undeformed solid."""
+        if not len(self.contact.d):
+            return float("nan"), float("nan"), float("nan")
+        k = int(self.contact.largest_stretch.argmax())
+        x, y = self.contact.largest_stretch_at[k]
+        return float(self.contact.largest_stretch[k]), float(x), float(y)
+
+    @property
+    def complete(self) -> bool:
+        """Whether both paths reached every displacement."""
+        return self.third_medium.complete and self.contact.complete
+
+    @property
+    def message(self) -> str:
+        """Where and why a path ended, if one did."""
+        named = (("third medium", self.third_medium), ("real contact", self.contact))
+        return "; ".join(f"{name}: {curve.message}" for name, curve in named if curve.message)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A plain sentence for each control point that deviates by more than 5 %, and more."""
+        found = []
+        for verdict in self.points:
+            if not np.isfinite(verdict.q_contact):
+                found.append(f"the solid's path did not reach d = {verdict.point.d:g} mm.")
+            elif abs(verdict.relative) > REMARKABLE:
+                word = "stiffer" if verdict.relative > 0 else "softer"
+                found.append(
+                    f"At d = {verdict.point.d:g} mm the solid is {100 * abs(verdict.relative):.1f}"
+                    f" % {word} than the third medium says"
+                    f" ({verdict.q_contact:.3f} against {verdict.q_third_medium:.3f} N)."
+                )
+        return tuple(found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything in JSON types; what is not a finite number is None."""
+        quality = self.body.quality
+        place, deviation, relative = self.largest_deviation
+        stretch, x, y = self.largest_stretch
+        d, q, q_contact = self.path
+        contact = self.contact
+        return {
+            "name": self.design.problem.name,
+            "level": self.body.level,
+            "control_points": [
+                {
+                    "d": verdict.point.d,
+                    "q_target": verdict.point.q,
+                    "q_third_medium": _number(verdict.q_third_medium),
+                    "q_contact": _number(verdict.q_contact),
+                    "deviation": _number(verdict.deviation),
+                    "relative_deviation": _number(verdict.relative),
+                }
+                for verdict in self.points
+            ],
+            "largest_deviation": {
+                "d": _number(place),
+                "deviation": _number(deviation),
+                "relative": _number(relative),
+            },
+            "contact_starts": list(contact.contact_starts),
+            "largest_stretch": {"value": _number(stretch), "x": _number(x), "y": _number(y)},
+            "smallest_wall": _number(self.smallest_wall),
+            "smallest_gap": _number(float(np.min(contact.smallest_gap, initial=np.inf))),
+            "force_balance": _number(_largest(contact.q_bottom - contact.q)),
+            "stress_balance": _number(_largest(contact.q_stress - contact.q)),
+            "mesh": {
+                "elements": None if quality is None else quality.elements,
+                "smallest_angle": None if quality is None else _number(quality.smallest_angle),
+                "elements_across": None if quality is None else quality.elements_across,
+                "area_error": None if quality is None else _number(quality.area_error),
+            },
+            "curve": {
+                "d": [float(v) for v in d],
+                "q_third_medium": [float(v) for v in q],
+                "q_contact": [float(v) for v in q_contact],
+            },
+            "complete": self.complete,
+            "message": self.message,
+            "remarks": list(self.remarks),
+        }
+
+
+def verify(
+    design: Design,
+    displacements: Iterable[float] | None = None,
+    *,
+    points: int = 21,
+    level: float = 0.0,
+    elements_across: int = 4,
+    settings: ContactSettings | None = None,
+    threads: int | None = None,
+) -> Verification:
+    """Remodel a design with a body-fitted mesh and real contact, and compare the curves.
+
+    Parameters
+    ----------
+    design : Design
+    displacements : iterable of float, optional
+        Displacements in mm; by default ``points`` evenly spaced ones between the outermost
+        control points (and zero), the control points, and zero.
+    points : int
+        See ``displacements``.
+    level, elements_across
+        See `ngspring.bodymesh.mesh_body`.
+    settings : ContactSettings, optional
+    threads : int, optional
+        See `ngspring.optimize`.
+
+    Raises
+    ------
+    OutlineError
+        If the design is empty, full, grey or not connected.
+    ProblemError
+        If a displacement is not a finite number smaller than H in size.
+    """
+    if displacements is None:
+        controls = [point.d for point in design.problem.control_points]
+        displacements = {0.0, *controls, *curve_displacements(design, points=points)}
+    wanted = list(displacements)
+    body = mesh_body(design, level=level, elements_across=elements_across)
+    contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)
+    third_medium = load_displacement(design, wanted, threads=threads)
+    return Verification(design, body, third_medium, contact, smallest_wall(design, level))
+
+
+def smallest_wall(design: Design, level: float = 0.0) -> float:
+    """Diameter in mm of the smallest disc in {chi > level} that touches opposite surfaces."""
+    return float(np.min(survey(outline(design, level=level)).thickness, initial=np.inf))
+
+
+def _at(curve: Response | ContactResponse, d: float) -> float:
+    near = np.flatnonzero(np.isclose(curve.d, d, rtol=1e-12, atol=1e-9))
+    return float(curve.q[near[0]]) if len(near) else float("nan")
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,266 @@
+"""The commands ``ngspring verify``, ``tolerance`` and ``export``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ngspring.arguments import make_folder, read_design
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ngspring.offsets import Tolerance
+    from ngspring.verification import Verification
+
+NOT_CONVERGED = 3
+FORMATS = ("svg", "dxf", "step", "stl", "vtu", "msh")
+
+_out_option = click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for the results; the design's own by default.",
+)
+_threads_option = click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    help="Threads to use; all available ones by default.",
+)
+_across_option = click.option(
+    "--elements-across",
+    type=click.IntRange(min=1),
+    default=4,
+    show_default=True,
+    help="Fewest elements across a wall.",
+)
+
+
+@click.command("verify", short_help="Remodel a design with real contact and compare.")
+@click.argument("name", metavar="DESIGN")
+@click.option(
+    "--points",
+    type=click.IntRange(min=2),
+    default=21,
+    show_default=True,
+    help="Displacements between the outermost control points (which are added, and zero).",
+)
+@click.option(
+    "--offset",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Move the surface outwards by this many mm on average first.",
+)
+@_across_option
+@_out_option
+@_threads_option
+def verify_command(
+    name: str,
+    points: int,
+    offset: float,
+    elements_across: int,
+    out: Path | None,
+    threads: int | None,
+) -> int:
+    """Compare the third medium with a body-fitted mesh and real contact.
+
+    The design is a file, a run folder, or the name of a stored design. Written are
+    verification.json, verification.png (both curves) and contact.png (the deformed mesh with the
+    contact pressure at every control point).
+    """
+    from ngspring.files import write_text
+    from ngspring.offsets import offset_level
+    from ngspring.plots import save_figure
+    from ngspring.report import make_console
+    from ngspring.verification import verify
+    from ngspring.verification_plot import contact_states_figure, verification_figure
+
+    design, path = read_design(name)
+    outcome = verify(
+        design,
+        points=points,
+        level=offset_level(design, offset),
+        elements_across=elements_across,
+        threads=threads,
+    )
+    make_console().print(verification_table(outcome))
+    for line in verification_lines(outcome):
+        click.echo(line)
+    folder = path.parent if out is None else out
+    make_folder(folder)
+    write_text(folder / "verification.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
+    save_figure(verification_figure(outcome), folder / "verification.png")
+    save_figure(contact_states_figure(outcome), folder / "contact.png")
+    click.echo(f"files in {folder}: verification.json, verification.png, contact.png")
+    if not outcome.complete:
+        click.echo(f"incomplete: {outcome.message}", err=True)
+        return NOT_CONVERGED
+    return 0
+
+
+def verification_table(outcome: Verification) -> Table:
+    """One row per control point, and one for the largest deviation over the path."""
+    from rich.table import Table
+
+    table = Table()
+    for column in (
+        "d [mm]",
+        "target [N]",
+        "third medium [N]",
+        "real contact [N]",
+        "deviation [N]",
+        "deviation",
+    ):
+        table.add_column(column, justify="right")
+    for verdict in outcome.points:
+        table.add_row(
+            f"{verdict.point.d:g}",
+            f"{verdict.point.q:g}",
+            f"{verdict.q_third_medium:.4f}",
+            f"{verdict.q_contact:.4f}",
+            f"{verdict.deviation:+.4f}",
+            f"{100 * verdict.relative:+.2f} %",
+        )
+    d, deviation, relative = outcome.largest_deviation
+    table.add_section()
+    table.add_row(f"{d:g}", "", "", "largest", f"{deviation:+.4f}", f"{100 * relative:+.2f} %")
+    return table
+
+
+def verification_lines(outcome: Verification) -> list[str]:
+    """What else there is to know, in sentences."""
+    contact, quality = outcome.contact, outcome.body.quality
+    starts = contact.contact_starts
+    lines = [
+        f"contact starts at d = {', '.join(f'{d:.3f}' for d in starts)} mm"
+        if starts
+        else "no contact on the path"
+    ]
+    stretch, x, y = outcome.largest_stretch
+    lines.append(f"largest principal stretch: {stretch:.3f}, at x = {x:.1f}, y = {y:.1f} mm")
+    lines.append(f"smallest wall: {outcome.smallest_wall:.2f} mm")
+    if quality is not None:
+        lines.append(
+            f"mesh: {quality.elements} elements, at least {quality.elements_across} across a wall,"
+            f" smallest angle {quality.smallest_angle:.0f} degrees,"
+            f" area {100 * quality.area_error:+.4f} %"
+        )
+    return [*lines, *outcome.remarks]
+
+
+@click.command("tolerance", short_help="What moved surfaces do to the curve.")
+@click.argument("name", metavar="DESIGN")
+@click.option(
+    "--offsets",
+    default="0.1,0.25,0.5",
+    show_default=True,
+    help="Sizes in mm, with commas between them; each is taken in and out.",
+)
+@click.option(
+    "--points",
+    type=click.IntRange(min=2),
+    default=11,
+    show_default=True,
+    help="Displacements between the outermost control points (which are added, and zero).",
+)
+@_across_option
+@_out_option
+@_threads_option
+def tolerance_command(
+    name: str,
+    offsets: str,
+    points: int,
+    elements_across: int,
+    out: Path | None,
+    threads: int | None,
+) -> int:
+    """Curves of the solid with its surfaces moved in and out: manufacturing errors.
+
+    The design is a file, a run folder, or the name of a stored design. Written are tolerance.json
+    and tolerance.png.
+    """
+    from ngspring.files import write_text
+    from ngspring.offsets import tolerance
+    from ngspring.offsets_plot import tolerance_figure
+    from ngspring.plots import save_figure
+    from ngspring.report import make_console
+
+    try:
+        sizes = [float(size) for size in offsets.split(",")]
+    except ValueError:
+        raise click.UsageError(
+            f"--offsets {offsets!r} must be numbers with commas between them, such as 0.1,0.25"
+        ) from None
+    design, path = read_design(name)
+    outcome = tolerance(
+        design, sizes, points=points, elements_across=elements_across, threads=threads
+    )
+    make_console().print(tolerance_table(outcome))
+    folder = path.parent if out is None else out
+    make_folder(folder)
+    write_text(folder / "tolerance.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
+    save_figure(tolerance_figure(outcome), folder / "tolerance.png")
+    click.echo(f"files in {folder}: tolerance.json, tolerance.png")
+    messages = [f"offset {c.offset:+g} mm: {c.message}" for c in outcome.curves if c.message]
+    for message in messages:
+        click.echo(f"incomplete: {message}", err=True)
+    return NOT_CONVERGED if messages else 0
+
+
+def tolerance_table(outcome: Tolerance) -> Table:
+    """Forces at the control points for each offset, and their derivative."""
+    from rich.table import Table
+
+    table = Table()
+    table.add_column("offset [mm]", justify="right")
+    table.add_column("chi", justify="right")
+    for point in outcome.points:
+        table.add_column(f"q({point.d:g}) [N]", justify="right")
+    for curve in outcome.curves:
+        forces = [f"{curve.q(point.d):.4f}" for point in outcome.points]
+        table.add_row(f"{curve.offset:+g}", f"{curve.level:+.3f}", *forces)
+    table.add_section()
+    slopes = [f"{outcome.sensitivity(point.d):+.3f}" for point in outcome.points]
+    table.add_row("dq/d(offset)", "[N/mm]", *slopes)
+    return table
+
+
+@click.command("export", short_help="Drawing, solid or mesh for a workshop.")
+@click.argument("name", metavar="DESIGN")
+@click.option("--format", "kind", type=click.Choice(FORMATS), required=True)
+@click.option(
+    "--offset",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Move the surface outwards by this many mm on average first.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File to write; beside the design by default, with its name.",
+)
+def export_command(name: str, kind: str, offset: float, out: Path | None) -> int:
+    """Write the solid of a design, in mm and true size.
+
+    The design is a file, a run folder, or the name of a stored design. svg and dxf hold the
+    outlines; step and stl the solid, extruded by the thickness T or revolved about the axis; vtu
+    and msh the second-order mesh.
+    """
+    from ngspring.export import export_body
+    from ngspring.offsets import offset_level
+
+    design, path = read_design(name)
+    target = path.with_suffix(f".{kind}") if out is None else out
+    make_folder(target.parent)
+    written = export_body(design, target, kind, level=offset_level(design, offset))
+    what = "solid" if kind in ("step", "stl") else "outline" if kind in ("svg", "dxf") else "part"
+    size = (
+        f"{written.measure:.1f} mm^3" if kind in ("step", "stl") else f"{written.measure:.2f} mm^2"
+    )
+    plural = "" if written.parts == 1 else "s"
+    click.echo(f"{written.path}: {written.parts} {what}{plural}, {size}")
+    return 0
