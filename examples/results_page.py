@@ -2,6 +2,8 @@
 
 What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 
+- ``missing``: designs of the campaign that are not stored yet;
+- ``growth``: W/H along the families of the paper;
 - ``designs``: every stored design with its targets, what it reached, W/H, the effort, the start;
 - ``stability``: where its symmetric path loses stability (results/stability.json, written by
   stability_of_gallery.py);
@@ -90,6 +92,25 @@ def designs_table() -> str:
     return table(header, map(design_row, names()))
 
 
+def missing_line() -> str:
+    missing = [name for name in RUNS if name not in gallery]
+    return f"Not there yet: {', '.join(missing)}." if missing else "All 26 are there."
+
+
+def growth_lines() -> str:
+    """Do the volumes grow as the paper says? For those that are stored."""
+    lines = []
+    for family in (tuple(f"C{i}" for i in range(1, 8)), tuple(f"T{i}" for i in range(1, 7))):
+        ratios = {
+            n: gallery[n].equivalent_width / gallery[n].problem.H for n in family if n in gallery
+        }
+        growing = [ratio for name, ratio in ratios.items() if name != "T1"]
+        verdict = "grows" if growing == sorted(growing) else "does NOT grow"
+        values = ", ".join(f"{name} {ratio:.4f}" for name, ratio in ratios.items())
+        lines.append(f"- {family[0]} to {family[-1]}: {values}: W/H {verdict}.")
+    return "\n".join(lines)
+
+
 def stability_row(name: str, found: dict[str, Any]) -> Row:
     low, high = found["range"]
     events = [
@@ -166,6 +187,8 @@ def page() -> str:
     """The page with its tables made anew."""
     text = PAGE.read_text(encoding="utf-8")
     text = replaced(text, "designs", designs_table())
+    text = replaced(text, "missing", missing_line())
+    text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
     return replaced(text, "verification", verification_table())
 

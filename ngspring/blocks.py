@@ -171,24 +171,27 @@ class BlockMaps:
         values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._curvature
         return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
 
-    def reduce(self, values: FloatArray, void: VoidBlocks) -> dict[str, FloatArray]:
-        """Blocks of one control point on the independent unknowns."""
-        stiffness = void.stiffness.ravel()
-        element = {
-            "chi_chi": void.chi_chi.ravel(),
-            "chi_u": void.chi_u.ravel(),
-            "chi_lam": void.chi_lam.ravel(),
-            "u_lam": np.concatenate([stiffness, stiffness]),
-        }
-        block = {}
-        for name, reduction in self._maps.items():
-            stored = values[self._entries[name]]
-            if name in element:
-                stored += self._void_maps[name] @ element[name]
-            block[name] = reduction @ stored
-        b = self._maps["u_lam"] @ values[self._entries["u_u"]]
-        block["u_u"] = b[self.inner]
-        return block
+    def block(self, name: str, values: FloatArray, void: VoidBlocks) -> FloatArray:
+        """A block of one control point on the independent unknowns.
+
+        Parameters
+        ----------
+        name : {"chi_chi", "chi_u", "chi_lam", "u_u", "u_lam"}
+        values : array
+            Stored values of the control point's form.
+        void : VoidBlocks
+        """
+        if name == "u_u":
+            b = self._maps["u_lam"] @ values[self._entries["u_u"]]
+            return np.asarray(b[self.inner])
+        stored = values[self._entries[name]]
+        if name == "u_lam":
+            stiffness = void.stiffness.ravel()
+            element = np.concatenate([stiffness, stiffness])
+        else:
+            element = getattr(void, name).ravel()
+        stored += self._void_maps[name] @ element
+        return np.asarray(self._maps[name] @ stored)
 
 
 def _places(where: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -17,7 +17,7 @@ import numpy as np
 from ngspring.blocks import BlockMaps
 from ngspring.lagrangian import ControlPointForm, DesignForm
 from ngspring.linear import Factorization, make_factorization, multiply, wants_upper
-from ngspring.memory import release_memory
+from ngspring.memory import begin_setup, end_setup
 from ngspring.problem import SpringProblem
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
 from ngspring.splines import FloatArray
@@ -191,8 +191,9 @@ class CoupledSystem:
         """
         maps = self._maps
         if maps is None:
+            begin_setup()
             maps = self._maps = self._build_maps(state)
-            release_memory()
+            end_setup()
         if self._factorization is None:
             self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
             maps.triangle = self._factorization.matrix
@@ -217,20 +218,25 @@ class CoupledSystem:
             vector = self.control_point_vector(state, j)
             stored, void = self.control_point.tangent(vector, point.eta)
             start = self.timings.add("assembly", start)
-            block = maps.reduce(stored, void)
-            chi_chi += block["chi_chi"]
-            bb, kk = block["u_u"], block["u_lam"]
-            inner, inner_lower = maps.inner, maps.inner_lower
-            chi_u, chi_lam = t * block["chi_u"], (t * s) * block["chi_lam"][maps.chi_inner]
+            # One after the other, so that little is held at a time.
+            chi_chi += maps.block("chi_chi", stored, void)
+            chi_u, chi_lam = maps.block("chi_u", stored, void), maps.block("chi_lam", stored, void)
+            chi_top = t * chi_lam[maps.chi_top]
+            chi_u *= t
+            chi_lam = (t * s) * chi_lam[maps.chi_inner]
             put(chi_u + chi_lam)
             put(chi_u - chi_lam)
-            bb_lower, kk_lower = bb[inner_lower], (2 * s) * kk[inner][inner_lower]
+            del chi_u, chi_lam
+            bb, kk = maps.block("u_u", stored, void), maps.block("u_lam", stored, void)
+            bb_lower = bb[maps.inner_lower]
+            kk_lower = (2 * s) * kk[maps.inner][maps.inner_lower]
             put(bb_lower + kk_lower)
             put(bb)
             put(bb_lower - kk_lower)
-            put(t * block["chi_lam"][maps.chi_top])
+            put(chi_top)
             put(kk[maps.top])
             put(kk[maps.top])
+            del bb, kk, bb_lower, kk_lower
             put(np.array([-1.0 / point.weight]))
             start = self.timings.add("reduction", start)
         values[place[: len(chi_chi)]] = t**2 * chi_chi

@@ -12,7 +12,7 @@ from ngspring.design import Design
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.kkt import CoupledSystem, State
 from ngspring.mechanics import Equilibrium, Mechanics
-from ngspring.memory import release_memory
+from ngspring.memory import end_setup
 from ngspring.path import follow
 from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray
@@ -86,5 +86,5 @@ def initial_state(system: CoupledSystem, design: Design) -> State:
     ]
     state = State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
     del bodies, points
-    release_memory()
+    end_setup()
     return state
