@@ -30,7 +30,14 @@ from ngspring.progress import LiveTable, deviation, duration
 from ngspring.report import make_console
 
 PICTURES = ("convergence.png", "design.png")
-FILES = {"design.npz", "history.csv", "checkpoint.npz", "design.vtu", *PICTURES}
+FILES = {
+    "design.npz",
+    "history.csv",
+    "checkpoint.npz",
+    "snapshots.npz",
+    "design.vtu",
+    *PICTURES,
+}
 
 TOML = """
 elements = 12
@@ -314,7 +321,8 @@ def test_check_gallery_by_name(copy: Path, tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(gallery, "_folder", copy)
-    (copy / "checkpoint.npz").unlink()
+    for other in ("checkpoint.npz", "snapshots.npz"):
+        (copy / other).unlink()
     assert "passes" in invoke("check", "design", "--threads", 1).stdout
     assert "passes" in invoke("check", "--gallery", "--threads", 1).stdout
     invoke("show", "design", "--threads", 1)
