@@ -15,6 +15,7 @@ from ngspring.contact import Contact, ContactLaw
 from ngspring.contact_mechanics import ContactMechanics, ContactPoint
 from ngspring.contact_path import contact_onset, follow_contact
 from ngspring.errors import ProblemError
+from ngspring.path import checked_displacements
 from ngspring.problem import SpringProblem, shown
 from ngspring.solid import Solid, section_force, spring_density
 from ngspring.spaces import Grid
@@ -219,7 +220,7 @@ def contact_load_displacement(
         the loaded sides, or the IPC Toolkit is not installed.
     """
     settings = ContactSettings() if settings is None else settings
-    targets = _checked(displacements, body.problem)
+    targets = checked_displacements(displacements, body.problem)
     with parallel(threads) as count:
         mechanics, supports = contact_mechanics(body, settings, count)
         rest = mechanics.at_rest()
@@ -302,19 +303,3 @@ def _evaluated(
     pressure, area = contact.pressure(point.contact)
     largest, place = solid.largest_stretch(full)
     return -supports.top_share * float(on_bottom), q_stress, pressure, area, largest, place
-
-
-def _checked(displacements: Iterable[float], problem: SpringProblem) -> FloatArray:
-    try:
-        values = np.array(sorted({float(d) for d in displacements}))
-    except (TypeError, ValueError):
-        raise ProblemError("displacements must be numbers in mm") from None
-    if not len(values):
-        raise ProblemError("no displacements were given")
-    for d in values:
-        if not np.isfinite(d) or abs(d) >= problem.H:
-            raise ProblemError(
-                f"displacement {d:g} mm must be a finite number smaller in size than H ="
-                f" {problem.H:g} mm"
-            )
-    return values

@@ -23,10 +23,11 @@ from ngspring.contact_response import (
 )
 from ngspring.design import Design
 from ngspring.errors import OutlineError, ProblemError
+from ngspring.files import finite_or_none
 from ngspring.outline import Outline, outline
 from ngspring.problem import ControlPoint, shown
 from ngspring.splines import FloatArray
-from ngspring.states import curve_displacements
+from ngspring.states import curve_displacements, force_at
 
 OFFSETS = (0.1, 0.25, 0.5)
 #: Relative accuracy of the mean offset, and steps at most to find the level for it.
@@ -56,10 +57,7 @@ class OffsetCurve:
 
     def q(self, d: float) -> float:
         """Force in N at a displacement; NaN where it was not reached."""
-        if self.contact is None:
-            return float("nan")
-        near = np.flatnonzero(np.isclose(self.contact.d, d, rtol=1e-12, atol=1e-9))
-        return float(self.contact.q[near[0]]) if len(near) else float("nan")
+        return float("nan") if self.contact is None else force_at(self.contact, d)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +117,7 @@ class Tolerance:
             "curves": [
                 {
                     "offset": curve.offset,
-                    "level": _number(curve.level),
+                    "level": finite_or_none(curve.level),
                     "d": [] if curve.contact is None else [float(d) for d in curve.contact.d],
                     "q": [] if curve.contact is None else [float(q) for q in curve.contact.q],
                     "message": curve.message,
@@ -130,8 +128,8 @@ class Tolerance:
                 {
                     "d": point.d,
                     "q_target": point.q,
-                    "q": [_number(curve.q(point.d)) for curve in self.curves],
-                    "sensitivity": _number(self.sensitivity(point.d)),
+                    "q": [finite_or_none(curve.q(point.d)) for curve in self.curves],
+                    "sensitivity": finite_or_none(self.sensitivity(point.d)),
                 }
                 for point in self.points
             ],
@@ -230,7 +228,3 @@ def _surface_length(solid: Outline) -> float:
     return sum(
         float(np.linalg.norm(np.diff(piece.points, axis=0), axis=1).sum()) for piece in pieces
     )
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -66,10 +67,28 @@ def curve_displacements(
     return np.asarray(np.round(np.linspace(first, last, points), 9))
 
 
-def index_of(response: Response, d: float) -> int | None:
-    """Place of a displacement in a response; None if it was not reached."""
-    near = np.flatnonzero(np.isclose(response.d, d, rtol=1e-12, atol=1e-12))
+class Curve(Protocol):
+    """What every load-displacement curve has, however it was computed."""
+
+    @property
+    def d(self) -> FloatArray:
+        """Displacements in mm."""
+
+    @property
+    def q(self) -> FloatArray:
+        """Forces in N."""
+
+
+def index_of(curve: Curve, d: float) -> int | None:
+    """Place of a displacement in a curve; None if it was not reached."""
+    near = np.flatnonzero(np.isclose(curve.d, d, rtol=1e-12, atol=1e-12))
     return int(near[0]) if len(near) else None
+
+
+def force_at(curve: Curve, d: float) -> float:
+    """Force in N at a displacement; NaN if it was not reached."""
+    index = index_of(curve, d)
+    return float("nan") if index is None else float(curve.q[index])
 
 
 def at_control_points(responses: Responses, problem: SpringProblem) -> dict[float, Response]:

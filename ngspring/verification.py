@@ -21,11 +21,12 @@ from ngspring.contact_response import (
     contact_load_displacement,
 )
 from ngspring.design import Design
+from ngspring.files import finite_or_none
 from ngspring.outline import outline
 from ngspring.problem import ControlPoint
 from ngspring.response import Response, load_displacement
 from ngspring.splines import FloatArray
-from ngspring.states import curve_displacements
+from ngspring.states import curve_displacements, force_at, index_of
 from ngspring.wallsize import survey
 
 logger = logging.getLogger(__name__)
@@ -86,7 +87,9 @@ class Verification:
     def points(self) -> tuple[PointVerdict, ...]:
         """Both answers at each control point of the blueprint design."""
         return tuple(
-            PointVerdict(point, _at(self.third_medium, point.d), _at(self.contact, point.d))
+            PointVerdict(
+                point, force_at(self.third_medium, point.d), force_at(self.contact, point.d)
+            )
             for point in self.design.problem.control_points
             if not point.eta
         )
@@ -94,11 +97,9 @@ class Verification:
     @property
     def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """d, q by the third medium and q by real contact where both were reached."""
-        d = np.array(
-            [x for x in self.third_medium.d if np.isclose(self.contact.d, x, atol=1e-9).any()]
-        )
+        d = np.array([x for x in self.third_medium.d if index_of(self.contact, x) is not None])
         both = (self.third_medium, self.contact)
-        first, second = (np.array([_at(curve, x) for x in d]) for curve in both)
+        first, second = (np.array([force_at(curve, x) for x in d]) for curve in both)
         return d, first, second
 
     @property
@@ -172,29 +173,35 @@ class Verification:
                 {
                     "d": verdict.point.d,
                     "q_target": verdict.point.q,
-                    "q_third_medium": _number(verdict.q_third_medium),
-                    "q_contact": _number(verdict.q_contact),
-                    "deviation": _number(verdict.deviation),
-                    "relative_deviation": _number(verdict.relative),
+                    "q_third_medium": finite_or_none(verdict.q_third_medium),
+                    "q_contact": finite_or_none(verdict.q_contact),
+                    "deviation": finite_or_none(verdict.deviation),
+                    "relative_deviation": finite_or_none(verdict.relative),
                 }
                 for verdict in self.points
             ],
             "largest_deviation": {
-                "d": _number(place),
-                "deviation": _number(deviation),
-                "relative": _number(relative),
+                "d": finite_or_none(place),
+                "deviation": finite_or_none(deviation),
+                "relative": finite_or_none(relative),
             },
             "contact_starts": list(contact.contact_starts),
-            "largest_stretch": {"value": _number(stretch), "x": _number(x), "y": _number(y)},
-            "smallest_wall": _number(self.smallest_wall),
-            "smallest_gap": _number(float(np.min(contact.smallest_gap, initial=np.inf))),
-            "force_balance": _number(_largest(contact.q_bottom - contact.q)),
-            "stress_balance": _number(_largest(contact.q_stress - contact.q)),
+            "largest_stretch": {
+                "value": finite_or_none(stretch),
+                "x": finite_or_none(x),
+                "y": finite_or_none(y),
+            },
+            "smallest_wall": finite_or_none(self.smallest_wall),
+            "smallest_gap": finite_or_none(float(np.min(contact.smallest_gap, initial=np.inf))),
+            "force_balance": finite_or_none(_largest(contact.q_bottom - contact.q)),
+            "stress_balance": finite_or_none(_largest(contact.q_stress - contact.q)),
             "mesh": {
                 "elements": None if quality is None else quality.elements,
-                "smallest_angle": None if quality is None else _number(quality.smallest_angle),
+                "smallest_angle": None
+                if quality is None
+                else finite_or_none(quality.smallest_angle),
                 "elements_across": None if quality is None else quality.elements_across,
-                "area_error": None if quality is None else _number(quality.area_error),
+                "area_error": None if quality is None else finite_or_none(quality.area_error),
             },
             "curve": {
                 "d": [float(v) for v in d],
@@ -255,14 +262,5 @@ def smallest_wall(design: Design, level: float = 0.0) -> float:
     return float(np.min(survey(outline(design, level=level)).thickness, initial=np.inf))
 
 
-def _at(curve: Response | ContactResponse, d: float) -> float:
-    near = np.flatnonzero(np.isclose(curve.d, d, rtol=1e-12, atol=1e-9))
-    return float(curve.q[near[0]]) if len(near) else float("nan")
-
-
 def _largest(values: FloatArray) -> float:
     return float(np.abs(values).max(initial=0.0))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -15,6 +15,7 @@ from ngspring.contact import lobatto
 from ngspring.contact_response import ContactResponse
 from ngspring.plots import draw_curve, new_figure
 from ngspring.splines import FloatArray
+from ngspring.states import index_of
 from ngspring.verification import Verification
 
 _SMALL = 8
@@ -142,7 +143,7 @@ def contact_states_figure(verification: Verification) -> Figure:
     """The deformed body-fitted mesh at every control point, with the contact pressure."""
     contact = verification.contact
     wanted = [0.0, *(verdict.point.d for verdict in verification.points)]
-    states = [(d, _index(contact, d)) for d in dict.fromkeys(wanted)]
+    states = [(d, index_of(contact, d)) for d in dict.fromkeys(wanted)]
     figure = new_figure(2.7 * len(states) + 0.9, 3.3)
     panels: Sequence[Axes] = figure.subplots(1, len(states), squeeze=False)[0]
     largest = float(edge_pressure(contact).max(initial=0.0))
@@ -236,8 +237,3 @@ def verifications_figure(groups: Mapping[str, Mapping[str, Verification]]) -> Fi
         axes.margins(0.11, 0.06)
         axes.legend(fontsize=_SMALL, loc="upper left")
     return figure
-
-
-def _index(contact: ContactResponse, d: float) -> int | None:
-    near = np.flatnonzero(np.isclose(contact.d, d, rtol=1e-12, atol=1e-9))
-    return int(near[0]) if len(near) else None
