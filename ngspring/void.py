@@ -9,7 +9,7 @@ compare it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
@@ -35,7 +35,8 @@ def smooth_step(chi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return value, first, second
 
 
-class VoidBlocks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class VoidBlocks:
     """Second derivatives of the void term, as element matrices flattened to (elements, 81).
 
     Rows and columns are the nine element dofs of ``ElementTable.dofs``. ``stiffness`` stands for

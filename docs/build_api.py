@@ -1,0 +1,46 @@
+"""The API pages, made from the docstrings with pdoc (extra ``docs``).
+
+    python docs/build_api.py [FOLDER]     (default: build/api; open index.html)
+
+Every module of the package gets a page; a docstring that pdoc cannot render, or an annotation
+that it cannot resolve, is an error.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import pdoc
+
+import ngspring
+
+
+def module_names() -> list[str]:
+    """The package and all its modules but the entry point of ``python -m ngspring``."""
+    found = {module.name for module in pkgutil.iter_modules(ngspring.__path__)} - {"__main__"}
+    # pdoc finds a module by itself if the package exports something of the same name.
+    return ["ngspring", *(f"ngspring.{name}" for name in sorted(found - set(ngspring.__all__)))]
+
+
+def build(folder: Path) -> Path:
+    """Write the pages and return the first one."""
+    pdoc.render.configure(
+        docformat="numpy", math=True, footer_text=f"ngspring {ngspring.__version__}"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        pdoc.pdoc(*module_names(), output_directory=folder)
+    return folder / "index.html"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Build into the folder that is named, and say where to start reading."""
+    print(build(Path(arguments[0] if arguments else "build/api")))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
