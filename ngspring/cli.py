@@ -6,11 +6,14 @@ Modules that need NGSolve or matplotlib are imported inside the commands that us
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import shlex
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,7 +40,8 @@ class _Commands(click.Group):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         kwargs["standalone_mode"] = False
         try:
-            code = super().main(*args, **kwargs)
+            with _terminated_as_interrupted():
+                code = super().main(*args, **kwargs)
         except click.ClickException as error:
             code = _complain(error.format_message(), BAD_INPUT)
         except (click.Abort, KeyboardInterrupt):
@@ -49,6 +53,27 @@ class _Commands(click.Group):
         except MemoryError:
             code = _complain("not enough memory: use fewer elements", BAD_INPUT)
         sys.exit(code or OK)
+
+
+@contextlib.contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Make SIGTERM end a command as Ctrl-C does: what was reached is written, workers are stopped.
+
+    A campaign that was simply killed would leave its workers behind until their next update.
+    """
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    # Only the main thread may set handlers; elsewhere the caller has its own.
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _complain(message: str, code: int) -> int:

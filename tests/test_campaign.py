@@ -322,8 +322,12 @@ def test_a_campaign_with_failing_killed_and_continued_runs(tmp_path: Path) -> No
     assert before == {name: contents(tmp_path / name) for name in before}
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs SIGINT")
-def test_ctrl_c_stops_every_worker_and_says_how_to_resume(tmp_path: Path) -> None:
+# Ctrl-C goes to the whole group, as from a terminal; `kill` to the campaign's process alone.
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+@pytest.mark.parametrize("interrupt", ["ctrl-c", "kill"])
+def test_an_interrupt_stops_every_worker_and_says_how_to_resume(
+    tmp_path: Path, interrupt: str
+) -> None:
     (tmp_path / "own.toml").write_text(TINY.to_toml())
     (tmp_path / "a b.toml").write_text('[[run]]\nfile = "own.toml"\nchanges = {p = [7.0, 8.0]}\n')
     command = ["campaign", "a b.toml", "--workers", "2"]
@@ -341,8 +345,10 @@ def test_ctrl_c_stops_every_worker_and_says_how_to_resume(tmp_path: Path) -> Non
         assert process.stdout is not None
         for line in process.stdout:
             if ": update    2 " in line:
-                # To the whole group, as a terminal does.
-                os.killpg(process.pid, signal.SIGINT)
+                if interrupt == "ctrl-c":
+                    os.killpg(process.pid, signal.SIGINT)
+                else:
+                    process.terminate()
                 break
         _, err = process.communicate(timeout=120)
     assert process.returncode == 130, err

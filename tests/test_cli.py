@@ -182,14 +182,17 @@ def test_no_convergence_is_code_3_with_pictures(
     assert (out / "design.png").exists()
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs SIGINT")
-def test_ctrl_c_saves_and_says_how_to_resume(tmp_path: Path) -> None:
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+@pytest.mark.parametrize("interrupt", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_saves_and_says_how_to_resume(
+    tmp_path: Path, interrupt: signal.Signals
+) -> None:
     command = ("optimize", "c4", "--elements", 12, "--threads", 1)
     with start(*command, cwd=tmp_path) as process:
         assert process.stdout is not None
         for line in process.stdout:
             if line.startswith("update    1"):
-                process.send_signal(signal.SIGINT)
+                process.send_signal(interrupt)
         _, err = process.communicate()
     assert process.returncode == 130
     assert len(err.strip().splitlines()) == 1
