@@ -1,0 +1,45 @@
+"""The whole gallery in one picture: every stored design undeformed, with W/H (or D/H) below it.
+
+Black is solid, white is void. Axisymmetric springs (A) are shown in section. Designs that are not
+stored yet are left out.
+
+    python examples/gallery_overview.py [--out DIR]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from figures import RUNS, Numbers, read_options, save
+
+from ngspring import gallery
+from ngspring.labels import width_symbol
+from ngspring.plots import draw_design, new_figure
+
+COLUMNS = 9
+
+
+def main(arguments: Sequence[str] | None = None) -> Numbers:
+    options = read_options(__doc__, arguments)
+    designs = {name: gallery[name] for name in RUNS if name in gallery}
+    if options.only is not None:
+        designs = {name: design for name, design in designs.items() if name in options.only}
+    rows = -(-len(designs) // COLUMNS)
+    figure = new_figure(1.35 * COLUMNS, 1.75 * rows)
+    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    numbers: Numbers = {}
+    for axes in panels:
+        axes.set_axis_off()
+    for axes, (name, design) in zip(panels, designs.items(), strict=False):
+        draw_design(axes, design)
+        problem = design.problem
+        axes.set(xlim=(0, problem.L), ylim=(0, problem.H))
+        symbol, ratio = width_symbol(problem), design.equivalent_width / problem.H
+        axes.set_title(f"{name}\n{symbol} = {ratio:.3f}", fontsize=8, y=-0.32)
+        numbers[name] = {symbol: ratio}
+    save(figure, options, "gallery")
+    return numbers
+
+
+if __name__ == "__main__":
+    main()
