@@ -22,7 +22,7 @@ from ngspring.plots import draw_curve, draw_design, new_figure
 from ngspring.problem import SpringProblem
 from ngspring.response import Response
 from ngspring.snapshots import Snapshots
-from ngspring.splines import FloatArray
+from ngspring.splines import FloatArray, IntArray
 from ngspring.states import full_displacement
 
 SUFFIXES = (".gif", ".mp4")
@@ -52,7 +52,7 @@ def check_film(path: PathLike) -> None:
         )
 
 
-def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float = 8.0) -> None:
+def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float | None = None) -> None:
     """Write the way of a design through its evolution, beside its width over the updates.
 
     Parameters
@@ -61,8 +61,8 @@ def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float = 8.0) ->
         Of at least two design updates; of very many, evenly spaced ones are shown.
     path : path
         A .gif or .mp4 file, which is replaced as a whole.
-    fps : float
-        Snapshots per second.
+    fps : float, optional
+        Snapshots per second; by default 8, and fewer if the film would take less than 6 seconds.
 
     Raises
     ------
@@ -74,8 +74,7 @@ def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float = 8.0) ->
     check_film(path)
     if len(snapshots.updates) < 2:
         raise NgspringError("an animation of the evolution needs at least two snapshots")
-    count = min(len(snapshots.updates), MOST_FRAMES)
-    chosen = np.unique(np.linspace(0, len(snapshots.updates) - 1, count).round().astype(int))
+    chosen = _thinned(np.arange(len(snapshots.updates)), MOST_FRAMES)
     kept = Snapshots(
         snapshots.problem, snapshots.updates[chosen], snapshots.coefficients[chosen]
     ).designs()
@@ -98,6 +97,7 @@ def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float = 8.0) ->
         state.set_title(f"update {updates[k]}: {symbol} = {widths[k]:.4f}", fontsize=10)
         marker.set_data([updates[k]], [widths[k]])
 
+    fps = min(8.0, len(designs) / 6) if fps is None else fps
     rest = [len(designs) - 1] * max(1, round(_SECONDS_AT_END * fps))
     _write(figure, path, draw, [*range(len(designs)), *rest], fps)
 
@@ -153,11 +153,17 @@ def animate_deformation(
 def _there_and_back(d: FloatArray) -> list[int]:
     """Numbers of the points from rest to the largest d, to the smallest one, and to rest."""
     rest = int(np.abs(d).argmin())
-    last = len(d) - 1
-    up, down = [*range(rest, last + 1)], [*range(rest, -1, -1)]
-    way = [*up, *up[-2::-1], *down[1:], *down[-2::-1]]
-    step = max(1, -(-len(way) // MOST_FRAMES))
-    return way[::step]
+    up, down = (
+        _thinned(np.array(way), MOST_FRAMES // 4).tolist()
+        for way in (range(rest, len(d)), range(rest, -1, -1))
+    )
+    return [*up, *up[-2::-1], *down[1:], *down[-2::-1]]
+
+
+def _thinned(numbers: IntArray, count: int) -> IntArray:
+    """At most so many of the numbers, evenly spaced, with the first and the last one."""
+    count = min(len(numbers), count)
+    return np.asarray(numbers[np.linspace(0, len(numbers) - 1, count).round().astype(int)])
 
 
 def _extent(design: Design, fields: Sequence[FloatArray]) -> tuple[float, float]:

@@ -71,7 +71,7 @@ def animate_command(
             raise click.UsageError("--from and --to belong to --kind deformation")
         snapshots, path = read_snapshots(name)
         film = _film(path, kind) if out is None else out
-        animate_evolution(snapshots, film, 8.0 if fps is None else fps)
+        animate_evolution(snapshots, film, fps)
         click.echo(f"film: {film}")
         return 0
 

@@ -200,7 +200,7 @@ def optimize_command(
         raise click.UsageError("--seed belongs to --initial random")
     folder = Path("runs", name) if out is None else out
 
-    from ngspring.checkpoint import CHECKPOINT
+    from ngspring.checkpoint import CHECKPOINT, locked
     from ngspring.evolution import optimize
     from ngspring.html_report import REPORT, ReportWriter, write_report
     from ngspring.output import write_pictures
@@ -231,7 +231,9 @@ def optimize_command(
                 solver=solver,
                 start_name=start_name,
             )
-        lines = write_pictures(result, folder, threads)
+        # Whoever watches the folder waits for what is still to come.
+        with locked(folder):
+            lines = write_pictures(result, folder, threads)
     except KeyboardInterrupt:
         if not (folder / CHECKPOINT).exists():
             return _complain("interrupted before there was anything to save", INTERRUPTED)

@@ -30,7 +30,8 @@ dt { font-size: .85rem; color: #444; } dd { margin: 0; font-size: 1.15rem; font-
 figure { margin: 0; break-inside: avoid; }
 figure img { display: block; width: 100%; height: auto; }
 figcaption { font-size: .88rem; color: #444; }
-.table { overflow-x: auto; }
+.table, .wide { overflow-x: auto; }
+.wide img { min-width: 40rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; }
 th, td { padding: .2rem .7rem; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #ddd; }
@@ -39,8 +40,8 @@ th:first-child, td:first-child { text-align: left; padding-left: 0; }
 footer { margin-top: 2rem; font-size: .85rem; color: #555; }
 @media (max-width: 40rem) { body { padding: .6rem .7rem 2rem; } table { font-size: .82rem; }
   th, td { padding: .2rem .35rem; } }
-@media print { body { max-width: none; padding: 0; font-size: 10pt; } h2 { break-after: avoid; }
-  .badge { background: none; } }
+@media print { body { max-width: none; padding: 0; font-size: 10pt; }
+  h2 { break-after: avoid; } .badge { background: none; } .wide img { min-width: 0; } }
 """
 
 

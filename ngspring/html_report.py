@@ -113,7 +113,7 @@ def _summary(state: RunState, history: History | None) -> str:
         cards.append(("Newton iterations", str(history.newton_iterations)))
         cards.append(("dt", "∞" if np.isinf(dt) else f"{dt:.1e}"))
         cards.append(("elapsed", duration(state.elapsed or 0.0)))
-        if state.going_on:
+        if state.evolving:
             cards.append(("time left (estimate)", time_left_text(history, design.problem)))
             note = (
                 "<p>The time left is an estimate: from the dt reached, the time that the last"
@@ -232,7 +232,7 @@ def _pictures(state: RunState, history: History | None) -> str:
             " load-displacement curve",
             "The design undeformed and deformed at the control points.",
         )
-        return f'<div class="pictures">{"".join(parts)}</div>{states}'
+        return f'<div class="pictures">{"".join(parts)}</div><div class="wide">{states}</div>'
     return f'<div class="pictures">{"".join(parts)}</div>'
 
 
@@ -329,7 +329,7 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER
     dt = history.last()["dt"]
-    left = time_left_text(history, design.problem) if state.going_on else _NO_NUMBER
+    left = time_left_text(history, design.problem) if state.evolving else _NO_NUMBER
     size = "∞" if np.isinf(dt) else f"{dt:.1e}"
     time_taken = duration(state.elapsed or 0.0)
     return status, str(len(history) - 1), size, width, worst, time_taken, left

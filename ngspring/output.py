@@ -41,7 +41,7 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     save_figure(design_figure(design, responses, responses[0.0]), folder / DESIGN_PICTURE)
     write_vtu(folder / DESIGN_VTU, design, at_control_points(responses, problem))
     write_text(folder / RESPONSE, response_csv(responses[0.0]))
-    write_report(read_run(folder), folder / REPORT)
+    write_report(read_run(folder, ended=True), folder / REPORT)
     lines = [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
     names = (DESIGN, HISTORY, RESPONSE, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU, REPORT)
     return [*lines, f"files in {folder}: {', '.join(names)}"]

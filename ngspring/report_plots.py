@@ -101,14 +101,14 @@ def forces_figure(history: History, problem: SpringProblem) -> Figure:
             label=point_label(point),
         )
     low, high = min(0.0, *values), max(0.0, *values)
-    # The first designs may be off by an order of magnitude.
-    margin = 0.25 * (high - low)
-    axes.set_ylim(low - margin, high + margin)
+    # The first designs may be off by an order of magnitude. At the top there is the legend.
+    size = high - low
+    axes.set_ylim(low - 0.15 * size, high + 0.3 * size)
     axes.set_xlim(0, max(1.0, float(update[-1])) * 1.02)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("design update")
     axes.set_ylabel("q [N]")
     axes.set_title("forces at the control points; thin lines: targets", fontsize=10)
     axes.grid(color="0.92")
-    axes.legend(fontsize=_SMALL)
+    axes.legend(fontsize=_SMALL, loc="upper right", ncols=min(3, len(problem.control_points)))
     return figure

@@ -59,6 +59,8 @@ class RunState:
         Load-displacement curve of this design, if it has been computed.
     states : bytes or None
         The picture design.png of this design (PNG), if it has been drawn.
+    closing : bool
+        Whether the run has converged, but its curve and pictures are still to come.
     """
 
     design: Design
@@ -67,11 +69,17 @@ class RunState:
     updated: float | None = None
     curve: Curve | None = None
     states: bytes | None = None
+    closing: bool = False
+
+    @property
+    def evolving(self) -> bool:
+        """Whether more design updates may come."""
+        return self.status in (RUNNING, STALE)
 
     @property
     def going_on(self) -> bool:
-        """Whether more may come."""
-        return self.status in (RUNNING, STALE)
+        """Whether anything may come."""
+        return self.evolving or self.closing
 
     @property
     def forces(self) -> list[float] | None:
@@ -84,7 +92,7 @@ class RunState:
         history = self.design.history
         if history is None or not len(history):
             return None
-        since = time.time() - self.updated if self.going_on and self.updated else 0.0
+        since = time.time() - self.updated if self.evolving and self.updated else 0.0
         return history.last()["seconds"] + max(0.0, since)
 
 
@@ -108,8 +116,14 @@ def campaign_runs(folder: Path) -> list[Path]:
         return []
 
 
-def read_run(folder: Path) -> RunState:
+def read_run(folder: Path, ended: bool = False) -> RunState:
     """Read where the run in a folder stands.
+
+    Parameters
+    ----------
+    folder : Path
+    ended : bool
+        Known to have ended, although the folder may be in use.
 
     Raises
     ------
@@ -133,12 +147,13 @@ def read_run(folder: Path) -> RunState:
     except OSError as error:
         raise RunFolderError(f"cannot read {path}: {error.strerror}") from error
     # Asked for first: a run that ends in between has written everything by then.
-    held = in_use(folder)
+    held = False if ended else in_use(folder)
     design = _design_of(Checkpoint.load(path))
     status, reason = _status(design, folder, held, time.time() - updated)
     curve = _curve(folder, design)
-    states = None if status in (RUNNING, STALE) else _states(folder)
-    return RunState(design, status, reason, updated, curve, states)
+    closing = status == CONVERGED and held is True and curve is None
+    states = None if status in (RUNNING, STALE) or closing else _states(folder)
+    return RunState(design, status, reason, updated, curve, states, closing)
 
 
 def stored_state(design: Design, folder: Path | None = None) -> RunState:

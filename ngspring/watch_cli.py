@@ -138,7 +138,7 @@ def _key(state: RunState | str | None) -> object:
     """What has to change for a report to be written again."""
     if state is None or isinstance(state, str):
         return state
-    extras = state.curve is None, state.states is None
+    extras = state.curve is None, state.states is None, state.closing
     return state.status, state.reason, state.updated, extras
 
 

@@ -36,6 +36,8 @@ FILES = {
     "checkpoint.npz",
     "snapshots.npz",
     "design.vtu",
+    "response.csv",
+    "report.html",
     *PICTURES,
 }
 
