@@ -169,7 +169,7 @@ def test_writing_a_report_computes_no_equilibrium(monkeypatch: pytest.MonkeyPatc
         raise AssertionError("an equilibrium is computed")
 
     monkeypatch.setattr(ngspring.mechanics.Mechanics, "__init__", refuse)
-    assert "running" in report_page(running())
+    assert 'class="badge running"' in report_page(running())
 
 
 def test_the_index_of_a_campaign_links_to_its_runs(tmp_path: Path) -> None:
