@@ -5,6 +5,7 @@ GIF needs nothing but matplotlib and Pillow; MP4 is written by ffmpeg, if that i
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -202,7 +203,8 @@ def _finish(
     """The same limits and lines in every frame: the sides that are held, and the axis."""
     for y in (0.0, problem.H + d):
         axes.axhline(y, color="0.3", linewidth=0.9)
-    axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
+    if d:
+        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
     if problem.axisymmetric:
         axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
     for low, high, limit in ((*across, axes.set_xlim), (*upward, axes.set_ylim)):
@@ -223,10 +225,17 @@ def _write(
     """Draw frames and write them as one film, atomically."""
     is_gif = Path(path).suffix.lower() == ".gif"
     writer: AbstractMovieWriter = PillowWriter(fps=fps) if is_gif else FFMpegWriter(fps=fps)  # type: ignore[arg-type]
-    with replacing(path) as temporary, writer.saving(figure, str(temporary), _DPI):
+    with replacing(path) as temporary:
+        writer.setup(figure, str(temporary), _DPI)
         shown = None
         for frame in frames:
             if frame != shown:
                 draw(frame)
             shown = frame
             writer.grab_frame()
+        try:
+            writer.finish()
+        except subprocess.CalledProcessError as error:
+            raise NgspringError(
+                f"{path}: ffmpeg cannot write it (code {error.returncode})"
+            ) from None
