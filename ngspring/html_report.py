@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from ngspring.design import Design
 from ngspring.errors import RunFolderError
 from ngspring.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.files import PathLike, write_text
@@ -26,7 +27,7 @@ from ngspring.plots import convergence_figure, density_figure
 from ngspring.problem import SpringProblem
 from ngspring.progress import deviation, duration
 from ngspring.report_plots import forces_figure, reached_figure
-from ngspring.runstate import RUNNING, RunState, forces_of
+from ngspring.runstate import RUNNING, RunState, forces_of, stored_state
 
 if TYPE_CHECKING:
     from ngspring.evolution import Update
@@ -41,12 +42,13 @@ _NO_NUMBER = "–"
 _MARGINS = (0.12, 0.12, 0.97, 0.93)
 
 
-def write_report(state: RunState, path: PathLike, refresh: int = REFRESH) -> None:
+def write_report(state: RunState | Design, path: PathLike, refresh: int = REFRESH) -> None:
     """Write the report of a run or a design atomically.
 
     Parameters
     ----------
-    state : RunState
+    state : RunState or Design
+        See `ngspring.read_run`.
     path : path
     refresh : int
         Seconds after which a browser loads the file again, while the run goes on.
@@ -56,6 +58,7 @@ def write_report(state: RunState, path: PathLike, refresh: int = REFRESH) -> Non
     RunFolderError
         If the file cannot be written.
     """
+    state = stored_state(state) if isinstance(state, Design) else state
     write_text(path, report_page(state, refresh))
 
 

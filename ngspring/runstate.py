@@ -16,6 +16,7 @@ import numpy as np
 from ngspring.checkpoint import CHECKPOINT, DESIGN, Checkpoint, in_use
 from ngspring.design import Design
 from ngspring.errors import DesignFileError, RunFolderError
+from ngspring.files import PathLike
 from ngspring.splines import FloatArray
 from ngspring.states import Curve, index_of
 
@@ -116,12 +117,12 @@ def campaign_runs(folder: Path) -> list[Path]:
         return []
 
 
-def read_run(folder: Path, ended: bool = False) -> RunState:
+def read_run(folder: PathLike, ended: bool = False) -> RunState:
     """Read where the run in a folder stands.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
     ended : bool
         Known to have ended, although the folder may be in use.
 
@@ -132,6 +133,7 @@ def read_run(folder: Path, ended: bool = False) -> RunState:
     DesignFileError
         If its checkpoint, or a design without one, cannot be read.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise RunFolderError(f"there is no run folder {folder}")
     path = folder / CHECKPOINT

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from browser import needs_chromium, probe, screenshot
 
+import ngspring
 import ngspring.mechanics
 from ngspring import ControlPoint, Design, History, SpringProblem, gallery
 from ngspring.estimate import seconds_left
@@ -155,6 +156,11 @@ def test_a_design_without_history_and_forces_has_a_report_too() -> None:
     tags = Tags(report_page(stored_state(Design.column(problem))))
     assert {a["id"] for a in tags.of("img")} == {"design", "curve"}
     assert "D/H" in tags.text
+
+
+def test_a_design_is_reported_as_a_finished_run(tmp_path: Path) -> None:
+    ngspring.write_report(gallery["C4"], tmp_path / "C4.html")
+    assert "C4: converged" in (tmp_path / "C4.html").read_text(encoding="utf-8")
 
 
 def test_a_curve_that_ends_early_is_named() -> None:
