@@ -137,6 +137,9 @@ def locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RunFolderError(f"cannot write to {folder}: {error.strerror}") from error
     try:
+        with contextlib.suppress(OSError):
+            # Says since when the folder is held, see `in_use_since`.
+            os.utime(folder / LOCK)
         # Left behind by a process that was killed while it wrote.
         for leftover in folder.glob(".*-*.npz"):
             leftover.unlink(missing_ok=True)
@@ -164,3 +167,11 @@ def in_use(folder: Path) -> bool | None:
     finally:
         os.close(handle)
     return False
+
+
+def in_use_since(folder: Path) -> float:
+    """When a process last took a run folder, in seconds since 1970; 0 if none ever did."""
+    try:
+        return (folder / LOCK).stat().st_mtime
+    except OSError:
+        return 0.0

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ngspring.checkpoint import CHECKPOINT, DESIGN, Checkpoint, in_use
+from ngspring.checkpoint import CHECKPOINT, DESIGN, Checkpoint, in_use, in_use_since
 from ngspring.design import Design
 from ngspring.errors import DesignFileError, RunFolderError
 from ngspring.files import PathLike
@@ -55,7 +55,8 @@ class RunState:
     reason : str
         More about the status, in one line.
     updated : float or None
-        When the last design update was written, in seconds since 1970.
+        When the last design update was written, or the run was resumed since, in seconds since
+        1970.
     curve : Curve or None
         Load-displacement curve of this design, if it has been computed.
     states : bytes or None
@@ -150,6 +151,9 @@ def read_run(folder: PathLike, ended: bool = False) -> RunState:
         raise RunFolderError(f"cannot read {path}: {error.strerror}") from error
     # Asked for first: a run that ends in between has written everything by then.
     held = False if ended else in_use(folder)
+    if held:
+        # A run that was resumed after a pause takes its time for the first update, too.
+        updated = max(updated, in_use_since(folder))
     design = _design_of(Checkpoint.load(path))
     status, reason = _status(design, folder, held, time.time() - updated)
     curve = _curve(folder, design)

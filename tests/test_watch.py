@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ngspring import ControlPoint, Design, RunFolderError, SpringProblem, gallery, optimize
-from ngspring.checkpoint import CHECKPOINT, DESIGN, Checkpoint, in_use, locked
+from ngspring.checkpoint import CHECKPOINT, DESIGN, LOCK, Checkpoint, in_use, locked
 from ngspring.cli import cli
 from ngspring.evolution import Update
 from ngspring.html_report import REPORT, ReportWriter
@@ -141,12 +141,24 @@ def test_a_run_is_running_while_a_process_holds_its_folder(run: Path) -> None:
 
 def test_a_run_without_an_update_for_long_is_stale(run: Path) -> None:
     hour_ago = time.time() - 3600
-    os.utime(run / CHECKPOINT, (hour_ago, hour_ago))
     with locked(run):
+        for name in (CHECKPOINT, LOCK):
+            os.utime(run / name, (hour_ago, hour_ago))
         state = read_run(run)
     assert state.status == STALE
     assert state.reason == "no design update for 60 minutes"
     assert state.elapsed == pytest.approx(3600, abs=60)
+
+
+def test_a_run_that_is_resumed_after_a_pause_is_not_stale(run: Path) -> None:
+    yesterday = time.time() - 86400
+    for name in (CHECKPOINT, LOCK):
+        os.utime(run / name, (yesterday, yesterday))
+    with locked(run):
+        state = read_run(run)
+    assert state.status == RUNNING
+    assert state.elapsed is not None
+    assert state.elapsed < 600
 
 
 def test_looking_whether_a_folder_is_in_use_never_stops_a_run_from_beginning(run: Path) -> None:
@@ -228,11 +240,11 @@ def test_a_run_can_be_read_while_it_is_written(run: Path) -> None:
 
 
 def test_reading_writes_nothing(run: Path, finished: Path) -> None:
-    before = contents(run.parent)
     with locked(run):
+        before = contents(run.parent)
         read_run(run)
-    read_run(finished)
-    assert contents(run.parent) == before
+        read_run(finished)
+        assert contents(run.parent) == before
 
 
 def test_a_stored_design_is_converged_and_has_forces() -> None:
