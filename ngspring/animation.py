@@ -27,8 +27,10 @@ from ngspring.splines import FloatArray, IntArray
 from ngspring.states import full_displacement
 
 SUFFIXES = (".gif", ".mp4")
-#: More frames than this make large files and no better film.
+#: More frames than this make large files and no better film; the grey designs at the beginning
+#: of an evolution take the most space.
 MOST_FRAMES = 120
+MOST_SNAPSHOTS = 60
 _DPI = 100
 _HEIGHT = 3.6
 _CURVE_WIDTH = 3.4
@@ -75,7 +77,7 @@ def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float | None = 
     check_film(path)
     if len(snapshots.updates) < 2:
         raise NgspringError("an animation of the evolution needs at least two snapshots")
-    chosen = _thinned(np.arange(len(snapshots.updates)), MOST_FRAMES)
+    chosen = _thinned(np.arange(len(snapshots.updates)), MOST_SNAPSHOTS)
     kept = Snapshots(
         snapshots.problem, snapshots.updates[chosen], snapshots.coefficients[chosen]
     ).designs()

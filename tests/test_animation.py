@@ -128,7 +128,7 @@ def test_a_long_evolution_shows_the_first_and_the_last_design(
     design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most, count = 9, 30
-    monkeypatch.setattr("ngspring.animation.MOST_FRAMES", most)
+    monkeypatch.setattr("ngspring.animation.MOST_SNAPSHOTS", most)
     coefficients = np.array([design.coefficients] * count, np.float16)
     coefficients[0] += 1
     coefficients[-1] -= 1
@@ -137,6 +137,21 @@ def test_a_long_evolution_shows_the_first_and_the_last_design(
     film = frames(path)
     assert len(film) <= most
     assert state_part(film[0]).mean() < state_part(film[1]).mean() < state_part(film[-1]).mean()
+
+
+def test_a_fine_curve_is_thinned_but_not_at_its_ends(
+    design: Design, response: Response, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ngspring.animation.MOST_FRAMES", 8)
+    path, whole = tmp_path / "film.gif", tmp_path / "whole.gif"
+    animate_deformation(design, response, path)
+    monkeypatch.undo()
+    animate_deformation(design, response, whole)
+    film, every = frames(path), frames(whole)
+    # Rest, largest tension, rest, largest compression, rest.
+    assert len(film) == 5
+    for frame, same in zip(film, every[::2], strict=True):
+        assert np.abs(frame - same).mean() < 0.5
 
 
 def test_a_film_that_cannot_be_written_leaves_the_old_one(
