@@ -22,6 +22,7 @@ from ngspring.errors import (
 from ngspring.problem import ControlPoint, SpringProblem
 
 if TYPE_CHECKING:
+    from ngspring.animation import animate_deformation, animate_evolution
     from ngspring.body import Body
     from ngspring.bodymesh import mesh_body
     from ngspring.contact_response import (
@@ -33,8 +34,11 @@ if TYPE_CHECKING:
     from ngspring.evolution import Result, Update, optimize
     from ngspring.export import export_body
     from ngspring.history import History
+    from ngspring.html_report import ReportWriter, write_report
     from ngspring.offsets import Tolerance, tolerance
     from ngspring.response import Response, load_displacement
+    from ngspring.runstate import RunState, read_run
+    from ngspring.snapshots import Snapshots
     from ngspring.stationarity import Optimality, optimality
     from ngspring.steprule import StepRule
     from ngspring.stored import gallery
@@ -45,6 +49,8 @@ __version__ = "0.1.0"
 
 # What needs NGSolve is imported at its first use, so that `import ngspring` is quick.
 _LAZY = {
+    "animate_deformation": "animation",
+    "animate_evolution": "animation",
     "Body": "body",
     "mesh_body": "bodymesh",
     "ContactResponse": "contact_response",
@@ -57,6 +63,11 @@ _LAZY = {
     "verify": "verification",
     "Design": "design",
     "History": "history",
+    "ReportWriter": "html_report",
+    "write_report": "html_report",
+    "RunState": "runstate",
+    "read_run": "runstate",
+    "Snapshots": "snapshots",
     "Result": "evolution",
     "StepRule": "steprule",
     "Update": "evolution",
@@ -83,14 +94,19 @@ __all__ = [
     "Optimality",
     "OutlineError",
     "ProblemError",
+    "ReportWriter",
     "Response",
     "Result",
     "RunFolderError",
+    "RunState",
+    "Snapshots",
     "SpringProblem",
     "StepRule",
     "Tolerance",
     "Update",
     "Verification",
+    "animate_deformation",
+    "animate_evolution",
     "cases",
     "contact_load_displacement",
     "export_body",
@@ -100,9 +116,11 @@ __all__ = [
     "mesh_body",
     "optimality",
     "optimize",
+    "read_run",
     "taylor_test",
     "tolerance",
     "verify",
+    "write_report",
 ]
 
 

@@ -6,6 +6,7 @@ Every run has a process of its own, so that one that is killed takes no other wi
 from __future__ import annotations
 
 import contextlib
+import logging
 import multiprocessing
 import signal
 import time
@@ -22,6 +23,8 @@ from ngspring.errors import ConvergenceError, DesignFileError, NgspringError, Ru
 if TYPE_CHECKING:
     from ngspring.design import Design
     from ngspring.evolution import Observer, Update
+
+logger = logging.getLogger(__name__)
 
 CONVERGED, NOT_CONVERGED = "converged", "not converged"
 FAILED, SKIPPED, INTERRUPTED = "failed", "skipped", "interrupted"
@@ -152,8 +155,20 @@ def execute(run: Run, out: Path, threads: int, observer: Observer) -> Outcome:
         return Outcome(run, FAILED, _one_line(str(error)))
     except Exception as error:
         return Outcome(run, FAILED, _one_line(f"{type(error).__name__}: {error}"))
+    _report(out / run.name)
     status = CONVERGED if result.converged else NOT_CONVERGED
     return Outcome.of_design(run, result.design, status, _one_line(result.message))
+
+
+def _report(folder: Path) -> None:
+    """Close a run with its report; one that cannot be written is no reason to fail."""
+    from ngspring.html_report import REPORT, write_report
+    from ngspring.runstate import read_run
+
+    try:
+        write_report(read_run(folder, ended=True), folder / REPORT)
+    except NgspringError as error:
+        logger.warning("no report of the run: %s", error)
 
 
 def _start(run: Run, out: Path) -> Design | None:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from filelock import FileLock, Timeout
+
+try:
+    import fcntl
+except ImportError:  # not a Unix system
+    fcntl = None  # type: ignore[assignment]
 
 from ngspring.errors import DesignFileError, RunFolderError
 from ngspring.files import PathLike, read_arrays, write_arrays
@@ -22,6 +28,9 @@ CHECKPOINT = "checkpoint.npz"
 DESIGN = "design.npz"
 HISTORY = "history.csv"
 SNAPSHOTS = "snapshots.npz"
+LOCK = ".lock"
+#: `in_use` holds the lock for an instant: no reason for a run to give up.
+_SECONDS_TO_LOCK = 0.2
 
 
 @dataclass(frozen=True)
@@ -118,9 +127,9 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error
-    lock = FileLock(folder / ".lock")
+    lock = FileLock(folder / LOCK)
     try:
-        lock.acquire(timeout=0)
+        lock.acquire(timeout=_SECONDS_TO_LOCK)
     except Timeout:
         raise RunFolderError(
             f"another run is writing to {folder}: wait for it, or use another folder"
@@ -128,9 +137,41 @@ def locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise RunFolderError(f"cannot write to {folder}: {error.strerror}") from error
     try:
+        with contextlib.suppress(OSError):
+            # Says since when the folder is held, see `in_use_since`.
+            os.utime(folder / LOCK)
         # Left behind by a process that was killed while it wrote.
         for leftover in folder.glob(".*-*.npz"):
             leftover.unlink(missing_ok=True)
         yield
     finally:
         lock.release()
+
+
+def in_use(folder: Path) -> bool | None:
+    """Whether a process holds a run folder; nothing is written. None where that is unknown."""
+    if fcntl is None:
+        return None
+    try:
+        handle = os.open(folder / LOCK, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return None
+    finally:
+        os.close(handle)
+    return False
+
+
+def in_use_since(folder: Path) -> float:
+    """When a process last took a run folder, in seconds since 1970; 0 if none ever did."""
+    try:
+        return (folder / LOCK).stat().st_mtime
+    except OSError:
+        return 0.0

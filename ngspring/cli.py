@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import click
 
 from ngspring import __version__
+from ngspring.animation_cli import animate_command
 from ngspring.arguments import make_folder, on_mesh, read_design, read_problem, read_start
 from ngspring.campaign_cli import campaign_command
 from ngspring.cases import cases
@@ -27,6 +28,7 @@ from ngspring.errors import ConvergenceError, NgspringError, ProblemError
 from ngspring.problem import DOMAINS
 from ngspring.stability_cli import stability_command
 from ngspring.verification_cli import export_command, tolerance_command, verify_command
+from ngspring.watch_cli import watch_command
 
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 SOLVERS = ("auto", "sparsecholesky", "pardiso")
@@ -190,6 +192,7 @@ def show_cases() -> None:
 @click.option("--max-updates", type=int, help="Stop after this many design updates in all.")
 @click.option("--dt-initial", type=float, help="First pseudo-time step.")
 @_solver_option
+@click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 def optimize_command(
     case: str,
     elements: int | None,
@@ -202,11 +205,12 @@ def optimize_command(
     max_updates: int | None,
     dt_initial: float | None,
     solver: str,
+    report: bool,
 ) -> int:
     """Design a spring: a case of the paper, or your own problem in a TOML file.
 
     A checkpoint is written after every design update: after Ctrl-C, a crash or a power failure,
-    the same command with --resume continues.
+    the same command with --resume continues. The end is told in report.html, for a browser.
     """
     problem, name = read_problem(case)
     if elements is not None:
@@ -220,11 +224,13 @@ def optimize_command(
         raise click.UsageError("--seed belongs to --initial random")
     folder = Path("runs", name) if out is None else out
 
-    from ngspring.checkpoint import CHECKPOINT
+    from ngspring.checkpoint import CHECKPOINT, locked
     from ngspring.evolution import optimize
+    from ngspring.html_report import REPORT, ReportWriter, write_report
     from ngspring.output import write_pictures
     from ngspring.progress import shown_progress
     from ngspring.report import design_lines, make_console, points_table
+    from ngspring.runstate import read_run
 
     start, start_name = read_start(problem, initial, seed or 0)
     options: list[tuple[str, object]]
@@ -232,7 +238,9 @@ def optimize_command(
     options += [("--max-updates", max_updates), ("--out", folder)]
     again = ["ngspring", "optimize", case]
     again += [text for key, value in options if value is not None for text in (key, str(value))]
-    again += ([] if solver == "auto" else ["--solver", solver]) + ["--resume"]
+    again += ([] if solver == "auto" else ["--solver", solver]) + ["--report"] * report
+    again.append("--resume")
+    writers = (ReportWriter(folder / REPORT),) if report else ()
     try:
         with shown_progress(problem, make_console()) as observer:
             result = optimize(
@@ -241,16 +249,20 @@ def optimize_command(
                 dt_initial,
                 max_updates,
                 folder,
-                (observer,),
+                (observer, *writers),
                 resume=resume,
                 threads=threads,
                 solver=solver,
                 start_name=start_name,
             )
-        lines = write_pictures(result, folder, threads)
+        # Whoever watches the folder waits for what is still to come.
+        with locked(folder):
+            lines = write_pictures(result, folder, threads)
     except KeyboardInterrupt:
         if not (folder / CHECKPOINT).exists():
             return _complain("interrupted before there was anything to save", INTERRUPTED)
+        with contextlib.suppress(NgspringError):
+            write_report(read_run(folder), folder / REPORT)
         click.echo(
             f"interrupted: the last accepted design is saved in {folder}; resume with:"
             f" {shlex.join(again)}",
@@ -423,6 +435,8 @@ for _command in (
     verify_command,
     tolerance_command,
     export_command,
+    watch_command,
+    animate_command,
 ):
     cli.add_command(_command)
 

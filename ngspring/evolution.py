@@ -231,6 +231,7 @@ class _Run:
         self.system: CoupledSystem | None = None
         self.elimination: Elimination | None = None
         self.rows: list[dict[str, float]] = []
+        self.ended: dict[str, str] = {}
         self.seconds_before = 0.0
         self.clock = time.perf_counter()
 
@@ -275,8 +276,9 @@ class _Run:
         end = self.rule.end * self.unit
         while True:
             if self.max_updates is not None and len(self.rows) > self.max_updates:
-                self.write()
                 message = f"stopped after {self.max_updates} design updates, as asked"
+                self.ended = {"stopped": message}
+                self.write()
                 return self.result(False, message)
             dt = np.inf if self.dt > end else self.dt
             outcome = self._update(dt)
@@ -297,8 +299,9 @@ class _Run:
             self._tell(False, dt, outcome.reason)
             self.dt = min(self.dt, end) / self.rule.shrink
             if not self.dt >= self.rule.smallest * self.unit:
-                self.write()
                 message = f"dt fell below {self.dt:.1e}: {outcome.reason}"
+                self.ended = {"failed": message}
+                self.write()
                 return self.result(False, message)
 
     def _update(self, dt: float) -> NewtonResult:
@@ -350,6 +353,7 @@ class _Run:
             "q": [float(value) for value in self.state.forces(self.problem)],
             "converged": bool(np.isinf(self.rows[-1]["dt"])),
             "ngsolve": ng.__version__,
+            **self.ended,
         }
         shape = self.problem.coefficient_shape
         return Design(self.problem, self.state.chi.reshape(shape), self.history, info)

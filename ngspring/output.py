@@ -1,4 +1,4 @@
-"""What a run leaves in its folder besides its numbers: pictures and a file for ParaView."""
+"""What a run leaves in its folder besides its numbers: pictures, a report, a ParaView file."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ from pathlib import Path
 
 from ngspring.checkpoint import DESIGN, HISTORY
 from ngspring.evolution import Result
+from ngspring.files import write_text
+from ngspring.html_report import REPORT, write_report
 from ngspring.plots import convergence_figure, design_figure, save_figure
+from ngspring.report import response_csv
+from ngspring.runstate import RESPONSE, STATES, read_run
 from ngspring.states import at_control_points, control_point_responses, curve_displacements
 from ngspring.vtu import write_vtu
 
 CONVERGENCE_PICTURE = "convergence.png"
-DESIGN_PICTURE = "design.png"
+DESIGN_PICTURE = STATES
 DESIGN_VTU = "design.vtu"
 
 
 def write_pictures(result: Result, folder: Path, threads: int | None = None) -> list[str]:
-    """Write convergence.png, design.png and design.vtu.
+    """Write convergence.png, design.png, design.vtu, response.csv and report.html.
 
     Returns
     -------
@@ -36,6 +40,8 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     )
     save_figure(design_figure(design, responses, responses[0.0]), folder / DESIGN_PICTURE)
     write_vtu(folder / DESIGN_VTU, design, at_control_points(responses, problem))
+    write_text(folder / RESPONSE, response_csv(responses[0.0]))
+    write_report(read_run(folder, ended=True), folder / REPORT)
     lines = [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
-    names = (DESIGN, HISTORY, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU)
+    names = (DESIGN, HISTORY, RESPONSE, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU, REPORT)
     return [*lines, f"files in {folder}: {', '.join(names)}"]

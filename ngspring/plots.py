@@ -25,7 +25,7 @@ from ngspring.labels import point_label, width_symbol
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response
 from ngspring.splines import FloatArray
-from ngspring.states import Responses, by_offset, full_displacement, index_of, interpolation
+from ngspring.states import Curve, Responses, by_offset, full_displacement, index_of, interpolation
 
 _CELLS = 320
 _VOID = 0.02
@@ -134,11 +134,9 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     return figure
 
 
-def draw_curve(
-    axes: Axes, response: Response | Mapping[str, Response], problem: SpringProblem
-) -> None:
+def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:
     """Draw q(d) and the target points; several curves come by their names."""
-    curves = {"response": response} if isinstance(response, Response) else response
+    curves = response if isinstance(response, Mapping) else {"response": response}
     axes.axhline(0, color="0.7", linewidth=0.8)
     axes.axvline(0, color="0.7", linewidth=0.8)
     for k, (name, curve) in enumerate(curves.items()):

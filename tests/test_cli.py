@@ -36,6 +36,8 @@ FILES = {
     "checkpoint.npz",
     "snapshots.npz",
     "design.vtu",
+    "response.csv",
+    "report.html",
     *PICTURES,
 }
 
@@ -490,7 +492,7 @@ def test_bad_arguments(
 @pytest.mark.parametrize("option", ["--from nan", "--to inf", "--to 100", "--points 1"])
 def test_bad_range(copy: Path, option: str) -> None:
     complaint("response", copy, *option.split())
-    assert not (copy / "response.csv").exists()
+    assert not (copy / "response.png").exists()
 
 
 def test_bad_design_files(copy: Path, tmp_path: Path) -> None:

@@ -1,0 +1,132 @@
+"""The command ``ngspring animate``."""
+
+from __future__ import annotations
+
+import math
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ngspring.arguments import read_design
+from ngspring.errors import DesignFileError, ProblemError
+
+if TYPE_CHECKING:
+    from ngspring.snapshots import Snapshots
+
+NOT_CONVERGED = 3
+KINDS = ("deformation", "evolution")
+
+
+@click.command("animate", short_help="Film of a design's deformation or evolution.")
+@click.argument("name", metavar="DESIGN|RUN")
+@click.option(
+    "--kind",
+    type=click.Choice(KINDS),
+    default=KINDS[0],
+    show_default=True,
+    help="Along the load path, or over the design updates.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Film, .gif or .mp4 (with ffmpeg); beside the design by default, with its name.",
+)
+@click.option("--from", "low", type=float, help="First displacement d in mm.")
+@click.option("--to", "high", type=float, help="Last displacement d in mm.")
+@click.option(
+    "--points",
+    type=click.IntRange(min=2),
+    default=41,
+    show_default=True,
+    help="Displacements of the deformation.",
+)
+@click.option("--fps", type=click.FloatRange(min=0.5, max=50), help="States per second.")
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    help="Threads to use; all available ones by default.",
+)
+def animate_command(
+    name: str,
+    kind: str,
+    out: Path | None,
+    low: float | None,
+    high: float | None,
+    points: int,
+    fps: float | None,
+    threads: int | None,
+) -> int:
+    """Film of a design as GIF or MP4.
+
+    The deformation along the load path needs a design: a file, a run folder, or the name of a
+    stored one. The evolution needs the snapshots of a run: its folder, a snapshots.npz, or the
+    name of a stored design that has them.
+    """
+    from ngspring.animation import animate_deformation, animate_evolution, check_film
+
+    if kind == "evolution":
+        if low is not None or high is not None:
+            raise click.UsageError("--from and --to belong to --kind deformation")
+        snapshots, path = read_snapshots(name)
+        film = _film(path, kind) if out is None else out
+        animate_evolution(snapshots, film, fps)
+        click.echo(f"film: {film}")
+        return 0
+
+    from ngspring.response import load_displacement
+    from ngspring.states import curve_displacements
+
+    design, path = read_design(name)
+    film = _film(path, kind) if out is None else out
+    for option, value in (("--from", low), ("--to", high)):
+        if value is not None and not math.isfinite(value):
+            raise ProblemError(f"{option} {value} must be a finite number")
+    check_film(film)
+    displacements = {0.0, *curve_displacements(design, low, high, points)}
+    # The symmetric path is the same on the full domain, at ten times the cost.
+    response = load_displacement(design, displacements, "quarter", threads=threads)
+    animate_deformation(design, response, film, 12.0 if fps is None else fps)
+    click.echo(f"film: {film}")
+    if not response.complete:
+        click.echo(f"incomplete: {response.message}", err=True)
+        return NOT_CONVERGED
+    return 0
+
+
+def _film(path: Path, kind: str) -> Path:
+    """Name of a film: in a run folder its kind is enough."""
+    from ngspring.checkpoint import DESIGN, SNAPSHOTS
+
+    stem = kind if path.name in (DESIGN, SNAPSHOTS) else f"{path.stem}-{kind}"
+    return path.with_name(f"{stem}.gif")
+
+
+def read_snapshots(text: str) -> tuple[Snapshots, Path]:
+    """Snapshots of a run with the path of their file: a run folder, a file, or a stored name.
+
+    Raises
+    ------
+    DesignFileError
+        If there are none, or they cannot be read.
+    """
+    from ngspring.checkpoint import SNAPSHOTS
+    from ngspring.snapshots import Snapshots
+    from ngspring.stored import gallery
+
+    path = Path(text)
+    if path.is_dir():
+        path = path / SNAPSHOTS
+        if not path.is_file():
+            raise DesignFileError(f"there are no snapshots of a run in {text}: no {SNAPSHOTS}")
+    if path.suffix or path.parent != Path() or path.exists():
+        return Snapshots.load(path), path
+    if text not in gallery:
+        # The message of a missing design names the nearest one.
+        gallery[text]
+    stored = files("ngspring") / "designs" / f"snapshots-{text}.npz"
+    if not stored.is_file():
+        raise DesignFileError(f"no snapshots are stored with the design {text!r}")
+    with as_file(stored) as found:
+        return Snapshots.load(found), Path(f"{text}.npz")
