@@ -30,8 +30,6 @@ from ngspring.errors import ProblemError
 from ngspring.material import young_and_poisson
 from ngspring.problem import SpringProblem, finite_number, shown
 
-_ANY = 1e300
-
 #: Force over relative displacement q / (d / H) in N at which the paper's weights are w_q = 1 N^-2.
 REFERENCE_STIFFNESS = 20.0
 
@@ -138,7 +136,7 @@ def with_similar_weights(problem: SpringProblem) -> SpringProblem:
     """
     paper = SpringProblem
     a = float(np.sqrt(problem.L * problem.H)) / paper.L
-    reference = top_area(paper(problem.control_points, kinematics=problem.kinematics, H=_ANY))
+    reference = np.pi / 4 * paper.L**2 if problem.axisymmetric else paper.L * paper.T
     v = float(top_area(problem) * problem.H / (reference * paper.H))
     w_q = (REFERENCE_STIFFNESS / target_stiffness(problem)) ** 2
     largest = max(point.weight for point in problem.control_points)
