@@ -33,11 +33,15 @@ if TYPE_CHECKING:
     from ngspring.evolution import Result, Update, optimize
     from ngspring.export import export_body
     from ngspring.history import History
+    from ngspring.material import bulk_and_shear_modulus, young_from_shore_A
     from ngspring.offsets import Tolerance, tolerance
+    from ngspring.plausibility import Finding, check_targets
     from ngspring.response import Response, load_displacement
+    from ngspring.scaling import scaled, with_similar_weights
     from ngspring.stationarity import Optimality, optimality
     from ngspring.steprule import StepRule
     from ngspring.stored import gallery
+    from ngspring.targets import TargetCurve, read_curve
     from ngspring.taylor import taylor_test
     from ngspring.verification import Verification, verify
 
@@ -66,6 +70,14 @@ _LAZY = {
     "optimality": "stationarity",
     "Response": "response",
     "load_displacement": "response",
+    "Finding": "plausibility",
+    "check_targets": "plausibility",
+    "TargetCurve": "targets",
+    "read_curve": "targets",
+    "bulk_and_shear_modulus": "material",
+    "young_from_shore_A": "material",
+    "scaled": "scaling",
+    "with_similar_weights": "scaling",
     "taylor_test": "taylor",
 }
 
@@ -78,6 +90,7 @@ __all__ = [
     "Design",
     "DesignFileError",
     "ExportError",
+    "Finding",
     "History",
     "NgspringError",
     "Optimality",
@@ -88,10 +101,13 @@ __all__ = [
     "RunFolderError",
     "SpringProblem",
     "StepRule",
+    "TargetCurve",
     "Tolerance",
     "Update",
     "Verification",
+    "bulk_and_shear_modulus",
     "cases",
+    "check_targets",
     "contact_load_displacement",
     "export_body",
     "gallery",
@@ -100,9 +116,13 @@ __all__ = [
     "mesh_body",
     "optimality",
     "optimize",
+    "read_curve",
+    "scaled",
     "taylor_test",
     "tolerance",
     "verify",
+    "with_similar_weights",
+    "young_from_shore_A",
 ]
 
 

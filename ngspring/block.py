@@ -64,13 +64,14 @@ def uniaxial_stress(stretch: float, K: float, G: float, *, axisymmetric: bool = 
     def transverse(log_x: float) -> float:
         return _stresses(log_x, log_y, K, G, axisymmetric)[0]
 
-    # Bracket: the transverse stress grows with the transverse stretch; where the side keeps its
-    # length it has the sign of log_y.
-    step = -math.copysign(max(abs(log_y), 1e-3), log_y or 1.0)
-    reach = step
-    while transverse(reach) * transverse(0.0) > 0.0 and abs(reach) < 50.0:
-        reach *= 1.5
-    log_x = 0.0 if log_y == 0.0 else brentq(transverse, 0.0, reach, xtol=1e-15, rtol=1e-14)
+    # The transverse stress grows with the transverse stretch: its sign tells on which side of zero
+    # the root is.
+    log_x, at_rest = 0.0, transverse(0.0)
+    if at_rest != 0.0:
+        reach = -math.copysign(max(abs(log_y), 1e-3), at_rest)
+        while transverse(reach) * at_rest > 0.0:
+            reach *= 1.5
+        log_x = brentq(transverse, 0.0, reach, xtol=1e-15, rtol=1e-14)
     axial = _stresses(log_x, log_y, K, G, axisymmetric)[1]
     return axial / stretch
 

@@ -97,9 +97,11 @@ def young_from_shore_A(hardness: float) -> float:
 def nu_advice(nu: float) -> str:
     """What to know about a Poisson's ratio close to 0.5; empty for others.
 
-    Rubber itself has nu > 0.499. The displacement formulation of the paper cannot use that: a
-    nearly incompressible element locks (the quadratic elements here moderately), and intermediate
-    density and the third medium inherit the bulk stiffness.
+    Rubber itself has nu > 0.499. In the displacement formulation of the paper a nearly
+    incompressible element locks, quadratic ones moderately. Two curved walls 15 mm thick that bend
+    in the 100 x 100 mm domain are, on 16 x 16 elements (2.4 across a wall), stiffer than on 64 x 64
+    by 1.4 % for nu = 0.4, 2.1 % for 0.45, 5.6 % for 0.49 and 21 % for 0.499; on 32 x 32 by 0.3,
+    0.4, 1.0 and 3.5 %.
     """
     if nu <= LARGEST_NU:
         return ""

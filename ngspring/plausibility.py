@@ -48,7 +48,7 @@ class Finding:
     message: str
 
 
-def plausibility(problem: SpringProblem) -> list[Finding]:
+def check_targets(problem: SpringProblem) -> list[Finding]:
     """Everything that can be said about a problem without solving it, errors first.
 
     Parameters

@@ -30,9 +30,9 @@ def refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
     ProblemError
         If there is an error and not ``anyway``.
     """
-    from ngspring.plausibility import plausibility
+    from ngspring.plausibility import check_targets
 
-    findings = plausibility(problem)
+    findings = check_targets(problem)
     errors = [finding.message for finding in findings if finding.level == "error"]
     if errors and not anyway:
         raise ProblemError(f"{'; '.join(errors)}. To try nevertheless: --anyway")
@@ -122,7 +122,7 @@ def targets_command(
 
     Exit code 1 if the target cannot be met.
     """
-    from ngspring.plausibility import plausibility
+    from ngspring.plausibility import check_targets
     from ngspring.report import make_console
 
     given = {key: value for key, value in described.items() if value is not None}
@@ -138,7 +138,7 @@ def targets_command(
     make_console().print(_points_table(problem))
     for remark in remarks:
         click.echo(f"note: {remark}")
-    findings = plausibility(problem)
+    findings = check_targets(problem)
     for finding in findings:
         click.echo(f"{finding.level}: {finding.message}")
     if not findings:
