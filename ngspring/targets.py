@@ -223,12 +223,14 @@ def _averaged(d: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, flo
     width = _BIN * (d[-1] - d[0]) if len(d) > 50 else 0.0
     groups: list[list[int]] = [[0]]
     for k in range(1, len(d)):
-        if d[k] - d[groups[-1][0]] <= width and (d[k] > 0) == (d[groups[-1][0]] > 0):
+        first = d[groups[-1][0]]
+        # The ends stay as they are: the mean of a bin lies inside of it.
+        inside = d[0] < first and d[k] < d[-1] and (d[k] > 0) == (first > 0)
+        if d[k] == first or (inside and d[k] - first <= width):
             groups[-1].append(k)
         else:
             groups.append([k])
-    ends = {0: float(d[0]), len(groups) - 1: float(d[-1])}
-    mean_d = [ends.get(i, float(d[group].mean())) for i, group in enumerate(groups)]
+    mean_d = np.array([d[group].mean() for group in groups])
     spread = 0.0
     for group in groups:
         if len(group) > 1:
@@ -237,7 +239,7 @@ def _averaged(d: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, flo
                 np.polyfit(d[group], q[group], 1) if np.ptp(d[group]) > 0 else [0, q[group].mean()]
             )
             spread = max(spread, float(np.ptp(q[group] - np.polyval(slope, d[group]))))
-    return np.array(mean_d), np.array([q[group].mean() for group in groups]), spread
+    return mean_d, np.array([q[group].mean() for group in groups]), spread
 
 
 def read_curve(path: PathLike, problem: SpringProblem) -> TargetCurve:
