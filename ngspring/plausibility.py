@@ -121,9 +121,9 @@ def _thousand(problem: SpringProblem, point: ControlPoint) -> str:
     if abs(point.d) < SMALL_STRETCH * problem.H:
         return ""
     ratio = abs(point.q / block_force(problem, point.d))
-    if 0.005 <= ratio / 1e3 <= NEARLY_FULL:
+    if 0.03 <= ratio / 1e3 <= NEARLY_FULL:
         return " (divided by 1000 it would fit: was it in mN?)"
-    if ratio <= 1e-3 and 0.005 <= ratio * 1e3 <= NEARLY_FULL:
+    if ratio <= 1e-3 and 0.03 <= ratio * 1e3 <= NEARLY_FULL:
         return " (times 1000 it would fit: was it in kN?)"
     return ""
 

@@ -135,6 +135,7 @@ def targets_command(
     else:
         name = curve if out is None else out.name
         problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust)
+    click.echo(_described(problem))
     make_console().print(_points_table(problem))
     for remark in remarks:
         click.echo(f"note: {remark}")
@@ -204,19 +205,25 @@ def _robust(problem: SpringProblem) -> SpringProblem:
     return dataclasses.replace(problem, control_points=points, elements=2 * problem.elements)
 
 
+def _described(problem: SpringProblem) -> str:
+    """A problem in one line."""
+    from ngspring.material import young_and_poisson
+
+    E, nu = young_and_poisson(problem.K, problem.G)
+    size = f"{problem.L:g} x {problem.H:g}" + ("" if problem.axisymmetric else f" x {problem.T:g}")
+    return (
+        f"{problem.name or 'spring'}: {problem.kinematics}, {size} mm, E = {E:.3g} MPa,"
+        f" nu = {nu:.3g}, {problem.elements} x {problem.elements} elements"
+    )
+
+
 def _points_table(problem: SpringProblem) -> Table:
     from rich.table import Table
 
     from ngspring.block import block_force
-    from ngspring.material import young_and_poisson
     from ngspring.scaling import top_area
 
-    E, nu = young_and_poisson(problem.K, problem.G)
-    size = f"{problem.L:g} x {problem.H:g}" + ("" if problem.axisymmetric else f" x {problem.T:g}")
-    table = Table(
-        title=f"{problem.name or 'spring'}: {problem.kinematics}, {size} mm, E = {E:.3g} MPa,"
-        f" nu = {nu:.3g}, {problem.elements} x {problem.elements} elements"
-    )
+    table = Table()
     for name in ("d [mm]", "q [N]", "η", "strain d/H", "stress q/area [MPa]", "of a full block"):
         table.add_column(name, justify="right")
     for point in problem.control_points:

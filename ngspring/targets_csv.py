@@ -2,8 +2,8 @@
 
 Fields may be separated by semicolons, tabs, commas or blanks; decimals may have a comma where that
 cannot be mistaken; lines that begin with ``#`` are comments. A header names the columns and may
-give a unit in brackets, ``d [mm]``, ``force (kN)``; without one the first column is d in mm and the
-second q in N.
+give a unit in brackets, ``d [mm]``, ``force (kN)``; where the name is not known the unit tells.
+Without a header the first column is d in mm and the second q in N.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ngspring.errors import ProblemError
-from ngspring.problem import nearest, shown
+from ngspring.problem import shown
 from ngspring.splines import FloatArray
 
 _NEWTON_PER_POUND = 4.4482216152605
@@ -110,24 +110,31 @@ def parse_columns(text: str) -> Columns:
 
 
 def _named(names: Sequence[str], table: FloatArray) -> Columns:
+    columns = [_Heading.of(text) for text in names]
     found: dict[str, FloatArray] = {}
     remarks = []
-    for k, text in enumerate(names):
-        match = _HEADER.fullmatch(text.strip().strip('"'))
-        kind = NAMES.get(match["name"].casefold()) if match else None
-        if match is None or kind is None:
+    by_unit = [c.kind_of_unit for c in columns if not c.kind]
+    for k, column in enumerate(columns):
+        kind = column.kind
+        if not kind and by_unit.count(column.kind_of_unit) == 1:
+            # A name in another language; its unit tells what it is.
+            kind = column.kind_of_unit
+            if kind in [c.kind for c in columns]:
+                continue
+            if kind:
+                remarks.append(f"column {column.text!r} is taken as {kind}, by its unit")
+        if not kind:
             continue
         if kind in found:
             raise ProblemError(f"two columns are named like {kind!r}: {', '.join(names)}")
-        unit = match["unit"]
+        unit = column.unit
         if unit is None:
-            default = next(iter(UNITS[kind]))
-            remarks.append(f"column {text.strip()!r} has no unit: taken as [{default}]")
-            unit = default
+            unit = next(iter(UNITS[kind]))
+            remarks.append(f"column {column.text!r} has no unit: taken as [{unit}]")
         if unit not in UNITS[kind]:
             right = ", ".join(u for u in UNITS[kind] if u)
             raise ProblemError(
-                f"unit {shown(unit)} of column {text.strip()!r} is not one of {right}"
+                f"unit {shown(unit)} of column {column.text!r} is not one of {right}"
             )
         found[kind] = table[:, k] * UNITS[kind][unit]
     for pair in (("d", "q"), ("strain", "stress")):
@@ -138,11 +145,33 @@ def _named(names: Sequence[str], table: FloatArray) -> Columns:
         raise ProblemError(
             f"there is a column for {kind} but none for {missing[kind]}: {', '.join(names)}"
         )
-    close = nearest(names[0].split("[")[0].strip() or "d", NAMES)
     raise ProblemError(
-        f"no column of {', '.join(names)} is named d and q, or strain and stress (did you mean"
-        f" {close!r}?)"
+        f"none of the columns {', '.join(names)} is named d (or displacement) and q (or force), or"
+        " strain and stress"
     )
+
+
+@dataclass(frozen=True)
+class _Heading:
+    """A column's name, unit (None if it has none) and kind (empty if the name is not known)."""
+
+    text: str
+    kind: str
+    unit: str | None
+
+    @classmethod
+    def of(cls, text: str) -> _Heading:
+        text = text.strip().strip('"')
+        match = _HEADER.fullmatch(text)
+        if match is None:
+            return cls(text, "", None)
+        return cls(text, NAMES.get(match["name"].casefold(), ""), match["unit"])
+
+    @property
+    def kind_of_unit(self) -> str:
+        """The kind of quantity that is measured in this unit; empty if there is none or several."""
+        kinds = [kind for kind, units in UNITS.items() if self.unit and self.unit in units]
+        return kinds[0] if len(kinds) == 1 else ""
 
 
 # -- text to numbers -------------------------------------------------------------------------------

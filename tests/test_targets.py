@@ -59,6 +59,8 @@ def refused(text: str, problem: SpringProblem = SPRING) -> str:
         "strain,stress\n-0.2,-0.045\n-0.1,-0.02\n0.1,0.0225",
         "strain [%];stress [kPa]\n-20;-45\n-10;-20\n10;22,5",
         "ε [-]\tσ [Pa]\n-0.2\t-45e3\n-0.1\t-20e3\n0.1\t22.5e3",
+        "Weg [mm];Kraft [N]\n-20;-4,5\n-10;-2\n10;2,25",
+        "d,width [mm],Kraft [N]\n-20,3,-4.5\n-10,3,-2\n10,3,2.25",
         "d [mm],q [N],\n-20,-4.5,\n-10,-2,\n10,2.25,",
     ],
 )
@@ -118,7 +120,8 @@ def test_numbers_come_back_exactly(
         ("d,q [g]\n10,2\n", ["unit 'g'", "N, kN"]),
         ("d,stress\n10,2\n", ["column for d but none for q"]),
         ("d,d\n10,2\n", ["two columns"]),
-        ("forc,time\n10,2\n", ["is named d and q", "did you mean 'force'"]),
+        ("length,time\n10,2\n", ["none of the columns length, time is named d"]),
+        ("Weg [mm],Weite [mm],Kraft [N]\n10,2,3\n", ["column for q but none for d"]),
         ("d,q\n120,2\n", ["d = 120 mm", "H = 100 mm"]),
         ("d,q\n20000,2\n", ["in µm?"]),
         ("strain,stress\n20,0.1\n", ["strain [%]"]),
