@@ -21,6 +21,7 @@ from ngspring.problem import ControlPoint, SpringProblem, finite_number
 from ngspring.scaling import top_area
 from ngspring.splines import FloatArray
 from ngspring.targets_csv import parse_columns
+from ngspring.targets_svg import parse_drawing
 
 #: A curve of at most this many points is taken as it is; more control points are never chosen.
 MOST_POINTS = 6
@@ -186,15 +187,20 @@ def parse_curve(text: str, problem: SpringProblem) -> TargetCurve:
     """
     columns = parse_columns(text)
     d, q = columns.x, columns.y
-    remarks = list(columns.remarks)
     if columns.stress:
         d, q = d * problem.H, q * top_area(problem)
+    return _curve(d, q, problem, list(columns.remarks), columns.stress)
+
+
+def _curve(
+    d: FloatArray, q: FloatArray, problem: SpringProblem, remarks: list[str], stress: bool = False
+) -> TargetCurve:
     if not (d != 0.0).any():
         raise ProblemError("the curve has no point with d different from zero")
     far = np.abs(d).max()
     if far >= problem.H:
         hint = " (are the displacements in µm?)" if far / 1e3 < 0.6 * problem.H else ""
-        if columns.stress:
+        if stress:
             hint = " (is the strain in %? name its column strain [%])"
         raise ProblemError(
             f"the curve goes to d = {far:g} mm, but the spring is only H = {problem.H:g} mm"
@@ -242,8 +248,22 @@ def _averaged(d: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, flo
     return mean_d, np.array([q[group].mean() for group in groups]), spread
 
 
-def read_curve(path: PathLike, problem: SpringProblem) -> TargetCurve:
-    """A target curve from a CSV file; see `parse_curve`.
+def read_curve(
+    path: PathLike,
+    problem: SpringProblem,
+    axes: tuple[tuple[float, float], tuple[float, float]] | None = None,
+) -> TargetCurve:
+    """A target curve from a CSV file, or from an SVG drawing.
+
+    Parameters
+    ----------
+    path : path
+        See `parse_curve`; a name that ends with ``.svg`` is a drawing, see
+        `ngspring.targets_svg`.
+    problem : SpringProblem
+        Its size turns strains and stresses into displacements and forces.
+    axes : pair of pairs of float, optional
+        Ranges of d in mm and of q in N of a drawing.
 
     Raises
     ------
@@ -251,7 +271,13 @@ def read_curve(path: PathLike, problem: SpringProblem) -> TargetCurve:
         With the name of the file.
     """
     name = os.fsdecode(path)
+    drawn = name.lower().endswith(".svg")
     try:
-        return parse_curve(read_text(name), problem)
+        if drawn and axes is None:
+            raise ProblemError("a drawing needs the ranges of d and q that its axes stand for")
+        text = read_text(name)
+        if axes is not None and drawn:
+            return _curve(*parse_drawing(text, *axes), problem, [])
+        return parse_curve(text, problem)
     except ProblemError as error:
         raise ProblemError(f"{name!r}: {error}") from error.__cause__

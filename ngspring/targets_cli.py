@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 
 FAILED = 1
+
+#: Ranges of d and q.
+Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 #: Dilation of the robust formulation in units of the size of the domain (section 3.2).
 _DILATION = 0.25 / 100
 
@@ -87,7 +90,7 @@ def _materials_table() -> Table:
 
 
 @click.command("targets", short_help="Check a target curve, and make a problem of it.")
-@click.argument("curve", metavar="CURVE.csv|FILE.toml|CASE")
+@click.argument("curve", metavar="CURVE.csv|CURVE.svg|FILE.toml|CASE")
 @click.option("--length", "L", type=float, help="L in mm: across the load, or the diameter.")
 @click.option("--height", "H", type=float, help="H in mm: along the load.")
 @click.option("--thickness", "T", type=float, help="Out-of-plane thickness T in mm.")
@@ -99,6 +102,8 @@ def _materials_table() -> Table:
 @click.option("--elements", type=int, help="N of the N x N mesh; 80 by default.")
 @click.option("--points", type=click.IntRange(min=1), help="Number of control points to choose.")
 @click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")
+@click.option("--d-range", help="Of an SVG drawing: d in mm at the left and right, as -20,10.")
+@click.option("--q-range", help="Of an SVG drawing: q in N at the bottom and top, as -6,3.")
 @click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
 @click.option(
     "--write",
@@ -110,6 +115,8 @@ def targets_command(
     curve: str,
     points: int | None,
     at: str | None,
+    d_range: str | None,
+    q_range: str | None,
     robust: bool,
     out: Path | None,
     **described: float | int | str | None,
@@ -117,8 +124,9 @@ def targets_command(
     """Check a target before an hour is spent on it.
 
     The curve is a CSV file with columns d and q, or strain and stress, whose header may give
-    units: `d [mm];q [N]`. Tension is positive. Sizes not given are the paper's: 100 x 100 x 1 mm,
-    E = 1 MPa, nu = 0.4.
+    units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
+    --d-range and --q-range describe. Tension is positive. Sizes not given are the paper's:
+    100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
 
     Exit code 1 if the target cannot be met.
     """
@@ -129,12 +137,13 @@ def targets_command(
     remarks: tuple[str, ...] = ()
     text = ""
     if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
-        if given or points or at or robust or out:
+        if given or points or at or robust or out or d_range or q_range:
             raise click.UsageError("a problem is checked as it is: options belong to a curve")
         problem = read_problem(curve)[0]
     else:
         name = curve if out is None else out.name
-        problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust)
+        axes = _axes(curve, d_range, q_range)
+        problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust, axes)
     click.echo(_described(problem))
     make_console().print(_points_table(problem))
     for remark in remarks:
@@ -156,6 +165,7 @@ def _problem_of_curve(
     points: int | None,
     at: str | None,
     robust: bool,
+    axes: Axes | None,
 ) -> tuple[SpringProblem, tuple[str, ...], str]:
     """The problem as it would be read from the file that is written, remarks, and that file."""
     from ngspring.material import MATERIAL_KEYS, moduli_from
@@ -171,8 +181,8 @@ def _problem_of_curve(
     if fields.get("kinematics") == "axisymmetric" and "T" in fields:
         raise click.UsageError("an axisymmetric spring has no thickness")
     blank = SpringProblem((NO_TARGET,), name=Path(name).stem).replace(**fields)
-    target = read_curve(curve, blank)
-    chosen = target.control_points(points, None if at is None else _displacements(at))
+    target = read_curve(curve, blank, axes)
+    chosen = target.control_points(points, None if at is None else _numbers("--at", at))
     problem = with_similar_weights(blank.replace(control_points=chosen))
     if robust:
         problem = _robust(problem)
@@ -187,11 +197,27 @@ def _problem_of_curve(
     return parse_toml(text), remarks, text
 
 
-def _displacements(at: str) -> list[float]:
+def _numbers(option: str, text: str) -> list[float]:
     try:
-        return [finite_number("--at", float(part)) for part in at.replace(";", ",").split(",")]
+        return [finite_number(option, float(part)) for part in text.replace(";", ",").split(",")]
+    except ProblemError:
+        raise
     except ValueError:
-        raise ProblemError(f"--at {shown(at)} must be numbers in mm, as -20,-10,10") from None
+        raise ProblemError(f"{option} {shown(text)} must be numbers, as -20,-10,10") from None
+
+
+def _axes(curve: str, d_range: str | None, q_range: str | None) -> Axes | None:
+    """Ranges of a drawing's axes."""
+    if Path(curve).suffix.lower() != ".svg":
+        if d_range or q_range:
+            raise click.UsageError("--d-range and --q-range belong to an SVG drawing")
+        return None
+    if d_range is None or q_range is None:
+        raise click.UsageError("an SVG drawing needs --d-range and --q-range")
+    pairs = [_numbers("--d-range", d_range), _numbers("--q-range", q_range)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise click.UsageError("--d-range and --q-range are two numbers each, as -20,10")
+    return (pairs[0][0], pairs[0][1]), (pairs[1][0], pairs[1][1])
 
 
 def _robust(problem: SpringProblem) -> SpringProblem:

@@ -443,3 +443,75 @@ def test_materials_are_listed_with_hardness_and_modulus() -> None:
     text = invoke("materials").stdout
     for part in ("silicone", "natural rubber", "TPU", "Shore A", "E [MPa]", "Gent"):
         assert part in text
+
+
+# -- drawings --------------------------------------------------------------------------------------
+
+CURVES = {
+    "path": '<path d="M 0 100 L 200 0"/>',
+    "polyline": '<polyline points="0,100 50,75 200,0"/>',
+    "line": '<line x1="0" y1="100" x2="200" y2="0"/>',
+    "cubic": '<path d="M 0 100 C 50 75 150 25 200 0"/>',
+    "moved": '<g transform="translate(-10 5)"><path d="m 10 95 l 200 -100"/></g>',
+}
+
+
+def drawing(*shapes: str, page: str = 'width="200" height="100"') -> str:
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {page}>{"".join(shapes)}</svg>'
+
+
+@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("page", ['width="200" height="100"', 'viewBox="0 0 200 100" width="70mm"'])
+def test_a_diagonal_of_the_page_is_a_linear_spring(curve: str, page: str, tmp_path: Path) -> None:
+    pytest.importorskip("svgelements")
+    path = tmp_path / "curve.SVG"
+    path.write_text(drawing(CURVES[curve], page=page))
+    drawn = read_curve(path, SPRING, ((-20.0, 20.0), (-4.0, 4.0)))
+    assert drawn.range == pytest.approx((-20.0, 20.0))
+    d = np.linspace(-20, 20, 9)
+    assert drawn.force(np.clip(d, *drawn.range)) == pytest.approx(0.2 * d, abs=1e-6)
+
+
+def test_a_rectangle_is_the_axes(tmp_path: Path) -> None:
+    pytest.importorskip("svgelements")
+    path = tmp_path / "curve.svg"
+    frame = '<rect x="50" y="20" width="100" height="40"/>'
+    path.write_text(drawing(frame, '<path d="M 50 60 L 150 20"/>'))
+    drawn = read_curve(path, SPRING, ((0.0, 10.0), (0.0, 2.0)))
+    assert drawn.force(5.0) == pytest.approx(1.0)
+    assert drawn.range[1] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (drawing(), "0 paths"),
+        (drawing(CURVES["path"], CURVES["line"]), "2 paths"),
+        (drawing('<path d="M 1 1"/>'), "no length"),
+        ("d,q\n1,2", "not a valid SVG"),
+        ("<svg", "not a valid SVG"),
+    ],
+)
+def test_a_drawing_has_one_curve(text: str, part: str, tmp_path: Path) -> None:
+    pytest.importorskip("svgelements")
+    path = tmp_path / "curve.svg"
+    path.write_text(text)
+    with pytest.raises(ProblemError, match=part):
+        read_curve(path, SPRING, ((0.0, 10.0), (0.0, 2.0)))
+    with pytest.raises(ProblemError, match="ranges of d and q"):
+        read_curve(path, SPRING)
+    with pytest.raises(ProblemError, match="must increase"):
+        read_curve(path, SPRING, ((0.0, 10.0), (2.0, 0.0)))
+
+
+def test_a_drawn_curve_becomes_a_problem(tmp_path: Path) -> None:
+    pytest.importorskip("svgelements")
+    path, out = tmp_path / "curve.svg", tmp_path / "drawn.toml"
+    path.write_text(drawing('<path d="M 0 100 C 60 70 140 40 200 0"/>'))
+    ranges = ("--d-range", "-20,20", "--q-range", "-4,4")
+    invoke("targets", path, *ranges, "--points", 4, "--write", out)
+    points = SpringProblem.from_toml(out).control_points
+    assert [p.d for p in points] == [-20.0, -10.0, 10.0, 20.0]
+    assert [points[0].q, points[-1].q] == pytest.approx([-4.0, 4.0])
+    assert "needs --d-range" in invoke("targets", path, code=2).stderr
+    assert "two numbers" in invoke("targets", path, *ranges[:3], "1", code=2).stderr
