@@ -199,7 +199,9 @@ def _curve(
         raise ProblemError("the curve has no point with d different from zero")
     far = np.abs(d).max()
     if far >= problem.H:
-        hint = " (are the displacements in µm?)" if far / 1e3 < 0.6 * problem.H else ""
+        hint = ""
+        if 10 * problem.H < far < 600 * problem.H:
+            hint = " (are the displacements in µm? name their column d [um])"
         if stress:
             hint = " (is the strain in %? name its column strain [%])"
         raise ProblemError(

@@ -141,6 +141,10 @@ def test_arbitrary_tables_never_escape_as_another_error(text: str) -> None:
     assert (np.diff(curve.d) > 0).all()
 
 
+def test_a_displacement_a_little_too_large_is_no_mistaken_unit() -> None:
+    assert refused("d,q\n100,2\n").endswith("the spring is only H = 100 mm high")
+
+
 def test_assumptions_are_told() -> None:
     assert "no header" in parse_curve("10,2", SPRING).remarks[0]
     assert "no unit: taken as [N]" in parse_curve("d [mm],q\n10,2", SPRING).remarks[0]
