@@ -35,13 +35,17 @@ if TYPE_CHECKING:
     from ngspring.export import export_body
     from ngspring.history import History
     from ngspring.html_report import ReportWriter, write_report
+    from ngspring.material import bulk_and_shear_modulus, young_from_shore_A
     from ngspring.offsets import Tolerance, tolerance
+    from ngspring.plausibility import Finding, check_targets
     from ngspring.response import Response, load_displacement
     from ngspring.runstate import RunState, read_run
+    from ngspring.scaling import scaled, with_similar_weights
     from ngspring.snapshots import Snapshots
     from ngspring.stationarity import Optimality, optimality
     from ngspring.steprule import StepRule
     from ngspring.stored import gallery
+    from ngspring.targets import TargetCurve, read_curve
     from ngspring.taylor import taylor_test
     from ngspring.verification import Verification, verify
 
@@ -77,6 +81,14 @@ _LAZY = {
     "optimality": "stationarity",
     "Response": "response",
     "load_displacement": "response",
+    "Finding": "plausibility",
+    "check_targets": "plausibility",
+    "TargetCurve": "targets",
+    "read_curve": "targets",
+    "bulk_and_shear_modulus": "material",
+    "young_from_shore_A": "material",
+    "scaled": "scaling",
+    "with_similar_weights": "scaling",
     "taylor_test": "taylor",
 }
 
@@ -89,6 +101,7 @@ __all__ = [
     "Design",
     "DesignFileError",
     "ExportError",
+    "Finding",
     "History",
     "NgspringError",
     "Optimality",
@@ -102,12 +115,15 @@ __all__ = [
     "Snapshots",
     "SpringProblem",
     "StepRule",
+    "TargetCurve",
     "Tolerance",
     "Update",
     "Verification",
     "animate_deformation",
     "animate_evolution",
+    "bulk_and_shear_modulus",
     "cases",
+    "check_targets",
     "contact_load_displacement",
     "export_body",
     "gallery",
@@ -116,11 +132,15 @@ __all__ = [
     "mesh_body",
     "optimality",
     "optimize",
+    "read_curve",
     "read_run",
+    "scaled",
     "taylor_test",
     "tolerance",
     "verify",
+    "with_similar_weights",
     "write_report",
+    "young_from_shore_A",
 ]
 
 

@@ -34,8 +34,9 @@ from typing import Any
 from ngspring.arguments import on_mesh
 from ngspring.cases import get_case
 from ngspring.errors import NgspringError, ProblemError
+from ngspring.files import read_text
 from ngspring.problem import SpringProblem, nearest, shown
-from ngspring.problem_toml import load_tables, read_text
+from ngspring.problem_toml import load_tables
 
 KEYS = (
     "case",

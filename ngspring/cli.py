@@ -27,6 +27,7 @@ from ngspring.cases import cases
 from ngspring.errors import ConvergenceError, NgspringError, ProblemError
 from ngspring.problem import DOMAINS
 from ngspring.stability_cli import stability_command
+from ngspring.targets_cli import materials_command, refuse_implausible, targets_command
 from ngspring.verification_cli import export_command, tolerance_command, verify_command
 from ngspring.watch_cli import watch_command
 
@@ -193,6 +194,7 @@ def show_cases() -> None:
 @click.option("--dt-initial", type=float, help="First pseudo-time step.")
 @_solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
+@click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")
 def optimize_command(
     case: str,
     elements: int | None,
@@ -206,8 +208,12 @@ def optimize_command(
     dt_initial: float | None,
     solver: str,
     report: bool,
+    anyway: bool,
 ) -> int:
     """Design a spring: a case of the paper, or your own problem in a TOML file.
+
+    Targets are checked first, as by `ngspring targets`: what is doubtful is said on stderr, what
+    cannot be met is refused.
 
     A checkpoint is written after every design update: after Ctrl-C, a crash or a power failure,
     the same command with --resume continues. The end is told in report.html, for a browser.
@@ -223,6 +229,8 @@ def optimize_command(
     if seed is not None and initial != "random":
         raise click.UsageError("--seed belongs to --initial random")
     folder = Path("runs", name) if out is None else out
+    if not resume:
+        refuse_implausible(problem, anyway)
 
     from ngspring.checkpoint import CHECKPOINT, locked
     from ngspring.evolution import optimize
@@ -430,6 +438,8 @@ def bench_command(
 
 
 for _command in (
+    materials_command,
+    targets_command,
     campaign_command,
     stability_command,
     verify_command,

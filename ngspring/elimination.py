@@ -16,6 +16,7 @@ import numpy as np
 from ngspring.errors import ConvergenceError
 from ngspring.kkt import CoupledSystem, State
 from ngspring.mechanics import Mechanics
+from ngspring.scaling import force_unit
 from ngspring.splines import FloatArray
 
 
@@ -64,7 +65,7 @@ class Elimination:
         u, lam = new.u.copy(), new.lam.copy()
         for j, point in enumerate(system.points):
             body = self._body(chi, point.eta)
-            scale = abs(point.q) + 1e-12
+            scale = abs(point.q) + 1e-4 * force_unit(system.problem)
             force = body.forces(point.d, new.u[j])
             # A NaN is an inverted element and fails this test.
             if np.linalg.norm(force[:-1]) <= self.threshold * scale:

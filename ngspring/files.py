@@ -15,7 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ngspring.errors import DesignFileError, RunFolderError
+from ngspring.errors import DesignFileError, ProblemError, RunFolderError
 
 PathLike = str | os.PathLike[str]
 
@@ -58,6 +58,22 @@ def write_text(path: PathLike, text: str) -> None:
     """Write UTF-8 text atomically."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def read_text(path: str) -> str:
+    """Content of a UTF-8 text file; what is wrong with it is a ProblemError of one line."""
+    try:
+        with open(path, "rb") as file:
+            # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
+            return file.read().decode("utf-8-sig")
+    except OSError as error:
+        raise ProblemError(f"the file cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ProblemError(
+            f"the file cannot be read, it is not UTF-8 text: byte {error.start} is wrong"
+        ) from error
+    except ValueError as error:
+        raise ProblemError(f"the file cannot be read: {error}") from error
 
 
 def finite_or_none(value: float) -> float | None:

@@ -19,6 +19,7 @@ from ngspring.lagrangian import ControlPointForm, DesignForm
 from ngspring.linear import Factorization, make_factorization, multiply, wants_upper
 from ngspring.memory import begin_setup, end_setup
 from ngspring.problem import SpringProblem
+from ngspring.scaling import force_unit, length_unit
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, spline_extraction
 from ngspring.splines import FloatArray
 
@@ -38,7 +39,7 @@ class State:
     u : array (control points, free)
         Free displacements in mm.
     lam : array (control points, free + 1)
-        Adjoint displacements in mm N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
+        Adjoint displacements in N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
     """
 
     chi: FloatArray
@@ -122,6 +123,9 @@ class CoupledSystem:
         self._targets = np.array([point.q for point in self.points])
         self._chi_unit = 1.0
         self._scale = 1.0
+        # What makes s the same in all units: u is a length, lam an inverse force.
+        self._length_unit = length_unit(problem)
+        self._lam_unit = 1 / force_unit(problem)
         self._maps: BlockMaps | None = None
         self._factorization: Factorization | None = None
 
@@ -200,7 +204,9 @@ class CoupledSystem:
         start = time.perf_counter()
         # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
         # chi and digits are lost (s = 1 costs seven of them near the optimum).
-        s = self._scale = float(np.clip(np.abs(state.lam).max(), 1e-8, 1.0))
+        unit = self._lam_unit
+        s = float(np.clip(np.abs(state.lam).max() / unit, 1e-8, 1.0)) * unit / self._length_unit
+        self._scale = s
         chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
         values = maps.triangle.data
         place = maps.place

@@ -17,6 +17,7 @@ from ngspring.errors import ConvergenceError
 from ngspring.lagrangian import csr_pattern
 from ngspring.linear import make_factorization, multiply, wants_upper
 from ngspring.reduction import Pattern, product_map, product_pattern
+from ngspring.scaling import force_unit
 from ngspring.spaces import Grid, ScalarSpace, displacement_extraction, stretched
 from ngspring.splines import FloatArray
 from ngspring.threads import tasks
@@ -79,6 +80,7 @@ class Mechanics:
         self.scalar = scalar
         grid: Grid = scalar.grid
         problem = grid.problem
+        self.force_unit = force_unit(problem)
         self.displacement = displacement_extraction(scalar)
         self.extraction = self.displacement.matrix
         self._transposed = self.extraction.T.tocsr()
@@ -306,13 +308,13 @@ class Mechanics:
             u, force = trial, trial_force
             norm = np.linalg.norm(force[:-1])
             size = np.abs(step * update).max() if len(update) else 0.0
-            if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + 1.0):
+            if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + self.force_unit):
                 raise ConvergenceError("Newton's method diverges")
             # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
             if (
                 step == 1.0
                 and size <= 1e-7 * self.scalar.grid.problem.H
-                and norm <= 1e-9 * (1e-3 + abs(force[-1]))
+                and norm <= 1e-9 * (1e-3 * self.force_unit + abs(force[-1]))
             ):
                 column, corner = self.assemble(d, u)
                 u = u - self.solve_linear(force[:-1])

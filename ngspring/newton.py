@@ -9,6 +9,7 @@ import numpy as np
 from ngspring.elimination import Elimination
 from ngspring.errors import ConvergenceError
 from ngspring.kkt import CoupledSystem, LinearSolveError, Residual, State
+from ngspring.scaling import force_unit, length_unit
 from ngspring.splines import FloatArray
 
 
@@ -67,9 +68,11 @@ def relative_residuals(system: CoupledSystem, residual: Residual) -> FloatArray:
     Eq. 8 against its largest term; equilibrium against the target force; adjoint equations
     against the target force times the largest multiplier it allows for a percent of deviation.
     """
-    targets = np.array([abs(point.q) + 1e-12 for point in system.points])
+    force, length = force_unit(system.problem), length_unit(system.problem)
+    # A target of no force at all must not ask for a residual of zero.
+    targets = np.array([abs(point.q) + 1e-4 * force for point in system.points])
     chi = np.linalg.norm(residual.chi) / max(max(residual.chi_terms.values()), 1e-300)
-    adjoint = np.linalg.norm(residual.u, axis=1) / targets
+    adjoint = np.linalg.norm(residual.u, axis=1) * length * force / targets
     equilibrium = np.linalg.norm(residual.lam, axis=1) / targets
     return np.concatenate([[chi], adjoint, equilibrium])
 

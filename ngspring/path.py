@@ -83,7 +83,7 @@ def follow(
 
 
 def _snap(mechanics: Mechanics, d: float, here: Equilibrium) -> Equilibrium:
-    accuracy = 1e-7 * (1e-3 + abs(here.q))
+    accuracy = 1e-7 * (1e-3 * mechanics.force_unit + abs(here.q))
     u, _ = mechanics.settle(d, here.u, accuracy)
     there = mechanics.equilibrium(d, u)
     logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)

@@ -45,7 +45,14 @@ def _refuse(field: str, value: object, right: str) -> ProblemError:
     return ProblemError(f"{field} = {shown(value)} is not valid: it must be {right}")
 
 
-def _finite(field: str, value: object) -> float:
+def finite_number(field: str, value: object) -> float:
+    """Return `value` as a float.
+
+    Raises
+    ------
+    ProblemError
+        If it is not a finite number; the message names `field`.
+    """
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise _refuse(field, value, "a number")
     try:
@@ -95,7 +102,7 @@ class ControlPoint:
 
     def __post_init__(self) -> None:
         for field in ("d", "q", "weight", "eta"):
-            object.__setattr__(self, field, _finite(field, getattr(self, field)))
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
         if self.d == 0.0:
             # The undeformed state is in equilibrium with q = 0 whatever the design.
             raise _refuse("d", self.d, "different from zero, where the force is zero anyway")
@@ -202,7 +209,7 @@ class SpringProblem:
 
     def _check_numbers(self) -> None:
         for field in (*_POSITIVE, *_NON_NEGATIVE, "E_0", "n"):
-            object.__setattr__(self, field, _finite(field, getattr(self, field)))
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
         for field in _POSITIVE:
             if getattr(self, field) <= 0.0:
                 raise _refuse(field, getattr(self, field), "positive")

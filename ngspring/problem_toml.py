@@ -10,7 +10,14 @@ Every field of `SpringProblem` is a key, and every control point a table::
     q = 2.0
 
 Only `control_points`, and `d` and `q` in each of them, must be there; the rest has the defaults of
-Table 1.
+Table 1. Besides the fields a file may have
+
+- ``E`` (MPa), ``shore_A`` or ``material`` (a name), with ``nu`` (0.4 by default), instead of ``K``
+  and ``G``, see `ngspring.material`;
+- ``w_q``, the weight of all control points that have none of their own;
+- ``targets = "curve.csv"`` instead of `control_points`, a file beside the TOML file, or a table
+  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, see
+  `ngspring.targets`.
 """
 
 from __future__ import annotations
@@ -19,17 +26,28 @@ import dataclasses
 import os
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from ngspring.errors import ProblemError
-from ngspring.problem import ControlPoint, SpringProblem, nearest, shown
+from ngspring.files import read_text
+from ngspring.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem import ControlPoint, SpringProblem, finite_number, nearest, shown
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+
+#: Keys that are not fields.
+FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
+_TARGETS_KEYS = ("file", "points", "at")
+
+#: Stands in for control points where a problem is only asked for its size.
+NO_TARGET = ControlPoint(5e-324, 0.0)
 
 
 def write_toml(problem: SpringProblem) -> str:
@@ -59,10 +77,10 @@ def read_toml(text_or_path: str | os.PathLike[str]) -> SpringProblem:
     if not isinstance(text_or_path, str | os.PathLike):
         raise ProblemError(f"{shown(text_or_path)} is neither TOML text nor the path of a file")
     if isinstance(text_or_path, str) and not _names_a_file(text_or_path):
-        return parse_toml(text_or_path)
+        return parse_toml(text_or_path, Path())
     path = os.fsdecode(text_or_path)
     try:
-        return parse_toml(read_text(path))
+        return parse_toml(read_text(path), Path(path).parent)
     except ProblemError as error:
         raise ProblemError(f"{path!r}: {error}") from error.__cause__
 
@@ -70,22 +88,6 @@ def read_toml(text_or_path: str | os.PathLike[str]) -> SpringProblem:
 def _names_a_file(text: str) -> bool:
     one_line = len(text.splitlines()) == 1
     return os.path.isfile(text) or (one_line and text.endswith(".toml"))
-
-
-def read_text(path: str) -> str:
-    """Content of a UTF-8 text file; what is wrong with it is a ProblemError of one line."""
-    try:
-        with open(path, "rb") as file:
-            # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
-            return file.read().decode("utf-8-sig")
-    except OSError as error:
-        raise ProblemError(f"the file cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ProblemError(
-            f"the file cannot be read, it is not UTF-8 text: byte {error.start} is wrong"
-        ) from error
-    except ValueError as error:
-        raise ProblemError(f"the file cannot be read: {error}") from error
 
 
 def load_tables(text: str) -> dict[str, Any]:
@@ -101,20 +103,68 @@ def load_tables(text: str) -> dict[str, Any]:
     return tables
 
 
-def parse_toml(text: str) -> SpringProblem:
-    """Read a problem from TOML text, never from a file of that name."""
+def parse_toml(text: str, folder: Path | None = None) -> SpringProblem:
+    """Read a problem from TOML text, never from a file of that name.
+
+    Parameters
+    ----------
+    text : str
+    folder : path, optional
+        Where the file of ``targets`` is looked for; without it, such a key is refused.
+    """
     values = load_tables(text)
-    _check_keys(values, SpringProblem, "")
+    _check_keys(values, SpringProblem, "", FURTHER_KEYS)
+    further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
+    moduli = moduli_from({**values, **further})
+    if moduli is not None:
+        values["K"], values["G"] = moduli
+    weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
+    if "targets" in further:
+        if "control_points" in values:
+            raise ProblemError("both targets and control_points are given: give one of them")
+        points = _points_of_curve(further["targets"], values, weight, folder)
+        return SpringProblem(**{**values, "control_points": points})
+    if "control_points" not in values:
+        raise ProblemError("missing key 'control_points' (or 'targets')")
     tables = values["control_points"]
     if not isinstance(tables, list):
         raise ProblemError(
             f"control_points = {shown(tables)} is not valid: it must be [[control_points]] tables"
         )
-    points = [_control_point(table, i) for i, table in enumerate(tables)]
+    points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
     return SpringProblem(**{**values, "control_points": points})
 
 
-def _control_point(table: object, i: int) -> ControlPoint:
+def _points_of_curve(
+    described: object, values: Mapping[str, Any], weight: float | None, folder: Path | None
+) -> list[ControlPoint]:
+    """Control points of ``targets``, for a spring of the size that the other keys describe."""
+    from ngspring.targets import read_curve
+
+    table = {"file": described} if isinstance(described, str) else described
+    right = "the name of a CSV file, or a table with file, and points or at"
+    if not isinstance(table, dict) or not isinstance(table.get("file"), str):
+        raise ProblemError(f"targets = {shown(described)} is not valid: it must be {right}")
+    for key in table:
+        if key not in _TARGETS_KEYS:
+            raise ProblemError(
+                f"unknown key {shown(key)} in targets:"
+                f" did you mean {nearest(key, _TARGETS_KEYS)!r}?"
+            )
+    points, at = table.get("points"), table.get("at")
+    if points is not None and (isinstance(points, bool) or not isinstance(points, int)):
+        raise ProblemError(f"targets.points = {shown(points)} is not valid: it must be an integer")
+    if at is not None and not isinstance(at, list):
+        raise ProblemError(f"targets.at = {shown(at)} is not valid: it must be a list of d in mm")
+    if folder is None:
+        raise ProblemError("targets names a file, but this text does not come from a file")
+    size = SpringProblem(**{**values, "control_points": (NO_TARGET,)})
+    curve = read_curve(folder / table["file"], size)
+    chosen = curve.control_points(points, at)
+    return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
+
+
+def _control_point(table: object, i: int, weight: float | None = None) -> ControlPoint:
     where = f"control_points[{i}]"
     if not isinstance(table, dict):
         raise ProblemError(
@@ -122,21 +172,25 @@ def _control_point(table: object, i: int) -> ControlPoint:
         )
     _check_keys(table, ControlPoint, f" in {where}")
     try:
-        return ControlPoint(**table)
+        return ControlPoint(**(table if weight is None else {"weight": weight, **table}))
     except ProblemError as error:
         raise ProblemError(f"{where}.{error}") from None
 
 
 def _check_keys(
-    table: Mapping[str, object], described: type[SpringProblem] | type[ControlPoint], where: str
+    table: Mapping[str, object],
+    described: type[SpringProblem] | type[ControlPoint],
+    where: str,
+    further: tuple[str, ...] = (),
 ) -> None:
     fields = dataclasses.fields(described)
-    names = [field.name for field in fields]
+    names = [*(field.name for field in fields), *further]
     for key in table:
         if key not in names:
             raise ProblemError(
                 f"unknown key {shown(key)}{where}: did you mean {nearest(key, names)!r}?"
             )
     for field in fields:
-        if field.default is dataclasses.MISSING and field.name not in table:
+        required = field.default is dataclasses.MISSING and field.name != "control_points"
+        if required and field.name not in table:
             raise ProblemError(f"missing key {field.name!r}{where}")

@@ -8,6 +8,7 @@ stands for. An axisymmetric spring is shown as its cross-section, mirrored at th
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
@@ -63,8 +64,9 @@ def curve_displacements(
     targets = [point.d for point in design.problem.control_points]
     first = min(0.0, *targets) if low is None else low
     last = max(0.0, *targets) if high is None else high
-    # Rounded, so that 0 and the control points are hit exactly.
-    return np.asarray(np.round(np.linspace(first, last, points), 9))
+    # Rounded, so that 0 and the control points are hit exactly; to 1e-9 mm if H = 100 mm.
+    decimals = 11 - math.floor(math.log10(design.problem.H))
+    return np.asarray(np.round(np.linspace(first, last, points), decimals))
 
 
 class Curve(Protocol):
@@ -81,7 +83,8 @@ class Curve(Protocol):
 
 def index_of(curve: Curve, d: float) -> int | None:
     """Place of a displacement in a curve; None if it was not reached."""
-    near = np.flatnonzero(np.isclose(curve.d, d, rtol=1e-12, atol=1e-12))
+    largest = float(np.abs(curve.d).max(initial=0.0))
+    near = np.flatnonzero(np.isclose(curve.d, d, rtol=1e-12, atol=1e-12 * largest))
     return int(near[0]) if len(near) else None
 
 

@@ -93,7 +93,8 @@ def copy(finished: SimpleNamespace, tmp_path: Path) -> Path:
 
 def test_run_converges_and_writes_everything(finished: SimpleNamespace) -> None:
     assert finished.code == 0, finished.err
-    assert finished.err == ""
+    assert finished.err.startswith("ngspring: warning: no target in tension")
+    assert len(finished.err.splitlines()) == 1
     assert {path.name for path in finished.folder.iterdir()} - {".lock"} == FILES
     design = Design.load(finished.folder / "design.npz")
     assert design.problem.name == "mine"
@@ -541,7 +542,8 @@ def test_a_load_path_that_ends_is_code_3(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(evolution, "initial_state", nowhere)
     result = invoke("optimize", "C4", "--elements", 8, "--out", tmp_path / "out", code=3)
     expected = "ngspring: error: the path ends at d = -1 mm, before -10 mm"
-    assert result.stderr.splitlines() == [expected]
+    # On so coarse a mesh the strut that it resolves is stiff, which is told before.
+    assert result.stderr.splitlines()[-1] == expected
 
 
 def test_too_many_elements_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,277 @@
+"""The commands ``ngspring targets`` and ``ngspring materials``."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import click
+
+from ngspring.arguments import read_problem
+from ngspring.cases import cases
+from ngspring.errors import ProblemError
+from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem, finite_number, shown
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+FAILED = 1
+
+#: Ranges of d and q.
+Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+#: Dilation of the robust formulation in units of the size of the domain (section 3.2).
+_DILATION = 0.25 / 100
+
+
+def refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
+    """Say on stderr what is doubtful about a problem, and refuse what cannot be met.
+
+    Raises
+    ------
+    ProblemError
+        If there is an error and not ``anyway``.
+    """
+    from ngspring.plausibility import check_targets
+
+    findings = check_targets(problem)
+    errors = [finding.message for finding in findings if finding.level == "error"]
+    if errors and not anyway:
+        raise ProblemError(f"{'; '.join(errors)}. To try nevertheless: --anyway")
+    for finding in findings:
+        if finding.level != "note":
+            click.echo(f"ngspring: warning: {finding.message}", err=True)
+
+
+@click.command("materials")
+def materials_command() -> None:
+    """List common elastomers with their hardness and Young's modulus.
+
+    The moduli are Gent's relation for the hardness, no measurements.
+    """
+    from ngspring.report import make_console
+
+    make_console().print(_materials_table())
+
+
+def _materials_table() -> Table:
+    from rich.table import Table
+
+    from ngspring.material import ELASTOMERS, GENT_RANGE, young_from_shore_A
+
+    def modulus(hardness: float) -> str:
+        beyond = "~" if not GENT_RANGE[0] <= hardness <= GENT_RANGE[1] else ""
+        return f"{beyond}{young_from_shore_A(hardness):.2g}"
+
+    table = Table(
+        title="common elastomers",
+        caption="Hardness as commonly offered; E from it by A. N. Gent, Rubber Chem. Technol. 31"
+        " (1958) 896, good for 20 to 80 Shore A and to about 20 %; ~ is beyond. A tensile test of"
+        " your own material is better. nu: 0.4 (the paper's) to 0.45 for all of them; real rubber"
+        " is closer to 0.5, where the elements would lock.",
+    )
+    for name in ("material", "symbol", "Shore A", "E [MPa]", "typical", "E [MPa]", "made"):
+        table.add_column(
+            name, justify="left" if name in ("material", "symbol", "made") else "right"
+        )
+    for e in ELASTOMERS:
+        low, high = e.shore_A
+        table.add_row(
+            e.name,
+            e.symbol,
+            f"{low:g} - {high:g}",
+            f"{modulus(low)} - {modulus(high)}",
+            f"{e.typical:g}",
+            modulus(e.typical),
+            e.note,
+        )
+    return table
+
+
+@click.command("targets", short_help="Check a target curve, and make a problem of it.")
+@click.argument("curve", metavar="CURVE.csv|CURVE.svg|FILE.toml|CASE")
+@click.option("--length", "L", type=float, help="L in mm: across the load, or the diameter.")
+@click.option("--height", "H", type=float, help="H in mm: along the load.")
+@click.option("--thickness", "T", type=float, help="Out-of-plane thickness T in mm.")
+@click.option("--material", help="Elastomer by name, see `ngspring materials`.")
+@click.option("--shore-a", "shore_A", type=float, help="Hardness instead of E.")
+@click.option("--E", "E", type=float, help="Young's modulus in MPa.")
+@click.option("--nu", type=float, help="Poisson's ratio; 0.4 by default.")
+@click.option("--kinematics", type=click.Choice(KINEMATICS), help="Plane strain by default.")
+@click.option("--elements", type=int, help="N of the N x N mesh; 80 by default.")
+@click.option("--points", type=click.IntRange(min=1), help="Number of control points to choose.")
+@click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")
+@click.option("--d-range", help="Of an SVG drawing: d in mm at the left and right, as -20,10.")
+@click.option("--q-range", help="Of an SVG drawing: q in N at the bottom and top, as -6,3.")
+@click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
+@click.option(
+    "--write",
+    "out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the problem for `ngspring optimize`.",
+)
+def targets_command(
+    curve: str,
+    points: int | None,
+    at: str | None,
+    d_range: str | None,
+    q_range: str | None,
+    robust: bool,
+    out: Path | None,
+    **described: float | int | str | None,
+) -> int:
+    """Check a target before an hour is spent on it.
+
+    The curve is a CSV file with columns d and q, or strain and stress, whose header may give
+    units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
+    --d-range and --q-range describe. Tension is positive. Sizes not given are the paper's:
+    100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
+
+    Exit code 1 if the target cannot be met.
+    """
+    from ngspring.plausibility import check_targets
+    from ngspring.report import make_console
+
+    given = {key: value for key, value in described.items() if value is not None}
+    remarks: tuple[str, ...] = ()
+    text = ""
+    if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
+        if given or points or at or robust or out or d_range or q_range:
+            raise click.UsageError("a problem is checked as it is: options belong to a curve")
+        problem = read_problem(curve)[0]
+    else:
+        name = curve if out is None else out.name
+        axes = _axes(curve, d_range, q_range)
+        problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust, axes)
+    click.echo(_described(problem))
+    make_console().print(_points_table(problem))
+    for remark in remarks:
+        click.echo(f"note: {remark}")
+    findings = check_targets(problem)
+    for finding in findings:
+        click.echo(f"{finding.level}: {finding.message}")
+    if not findings:
+        click.echo("nothing speaks against this target")
+    if out is not None:
+        _write(out, text)
+    return FAILED if any(finding.level == "error" for finding in findings) else 0
+
+
+def _problem_of_curve(
+    curve: str,
+    name: str,
+    given: dict[str, float | int | str],
+    points: int | None,
+    at: str | None,
+    robust: bool,
+    axes: Axes | None,
+) -> tuple[SpringProblem, tuple[str, ...], str]:
+    """The problem as it would be read from the file that is written, remarks, and that file."""
+    from ngspring.material import MATERIAL_KEYS, moduli_from
+    from ngspring.problem_toml import NO_TARGET, parse_toml
+    from ngspring.scaling import with_similar_weights
+    from ngspring.spring_file import annotated_toml
+    from ngspring.targets import read_curve
+
+    fields = {key: value for key, value in given.items() if key not in MATERIAL_KEYS}
+    moduli = moduli_from(given)
+    if moduli is not None:
+        fields["K"], fields["G"] = moduli
+    if fields.get("kinematics") == "axisymmetric" and "T" in fields:
+        raise click.UsageError("an axisymmetric spring has no thickness")
+    blank = SpringProblem((NO_TARGET,), name=Path(name).stem).replace(**fields)
+    target = read_curve(curve, blank, axes)
+    chosen = target.control_points(points, None if at is None else _numbers("--at", at))
+    problem = with_similar_weights(blank.replace(control_points=chosen))
+    if robust:
+        problem = _robust(problem)
+    text = annotated_toml(problem, Path(curve).name)
+    remarks = target.remarks
+    if len(chosen) < len(target.d):
+        share = 100 * target.deviation(chosen)
+        remarks += (
+            f"{len(chosen)} control points stand for {len(target.d)} points: a smooth curve through"
+            f" them is within {share:.2g} % of the largest force",
+        )
+    return parse_toml(text), remarks, text
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [finite_number(option, float(part)) for part in text.replace(";", ",").split(",")]
+    except ProblemError:
+        raise
+    except ValueError:
+        raise ProblemError(f"{option} {shown(text)} must be numbers, as -20,-10,10") from None
+
+
+def _axes(curve: str, d_range: str | None, q_range: str | None) -> Axes | None:
+    """Ranges of a drawing's axes."""
+    if Path(curve).suffix.lower() != ".svg":
+        if d_range or q_range:
+            raise click.UsageError("--d-range and --q-range belong to an SVG drawing")
+        return None
+    if d_range is None or q_range is None:
+        raise click.UsageError("an SVG drawing needs --d-range and --q-range")
+    pairs = [_numbers("--d-range", d_range), _numbers("--q-range", q_range)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise click.UsageError("--d-range and --q-range are two numbers each, as -20,10")
+    return (pairs[0][0], pairs[0][1]), (pairs[1][0], pairs[1][1])
+
+
+def _robust(problem: SpringProblem) -> SpringProblem:
+    """T1 and T2 of the paper: a dilated point at the largest tension, and half the element size."""
+    last = max(problem.control_points, key=lambda point: point.d)
+    if last.d < 0.0:
+        raise ProblemError("--robust belongs to a target in tension, but there is none")
+    dilation = _DILATION * (problem.L * problem.H) ** 0.5
+    dilated = ControlPoint(last.d, last.q, 1e-4 * last.weight, 8 * dilation / problem.l_i)
+    points = (*problem.control_points, dilated)
+    return dataclasses.replace(problem, control_points=points, elements=2 * problem.elements)
+
+
+def _described(problem: SpringProblem) -> str:
+    """A problem in one line."""
+    from ngspring.material import young_and_poisson
+
+    E, nu = young_and_poisson(problem.K, problem.G)
+    size = f"{problem.L:g} x {problem.H:g}" + ("" if problem.axisymmetric else f" x {problem.T:g}")
+    return (
+        f"{problem.name or 'spring'}: {problem.kinematics}, {size} mm, E = {E:.3g} MPa,"
+        f" nu = {nu:.3g}, {problem.elements} x {problem.elements} elements"
+    )
+
+
+def _points_table(problem: SpringProblem) -> Table:
+    from rich.table import Table
+
+    from ngspring.block import block_force
+    from ngspring.scaling import top_area
+
+    table = Table()
+    for name in ("d [mm]", "q [N]", "η", "strain d/H", "stress q/area [MPa]", "of a full block"):
+        table.add_column(name, justify="right")
+    for point in problem.control_points:
+        table.add_row(
+            f"{point.d:g}",
+            f"{point.q:g}",
+            f"{point.eta:g}",
+            f"{point.d / problem.H:+.3f}",
+            f"{point.q / top_area(problem):.4g}",
+            f"{100 * point.q / block_force(problem, point.d):.3g} %",
+        )
+    return table
+
+
+def _write(out: Path, text: str) -> None:
+    from ngspring.arguments import make_folder
+    from ngspring.files import write_text
+
+    if out.suffix.lower() != ".toml":
+        raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
+    if out.exists():
+        raise ProblemError(f"{out} exists already: choose another name, or remove it first")
+    make_folder(out.parent)
+    write_text(out, text)
+    click.echo(f"written: {out}; next: ngspring optimize {out}")
