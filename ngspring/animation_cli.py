@@ -11,11 +11,11 @@ import click
 
 from ngspring.arguments import read_design
 from ngspring.errors import DesignFileError, ProblemError
+from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
     from ngspring.snapshots import Snapshots
 
-NOT_CONVERGED = 3
 KINDS = ("deformation", "evolution")
 
 
@@ -43,11 +43,7 @@ KINDS = ("deformation", "evolution")
     help="Displacements of the deformation.",
 )
 @click.option("--fps", type=click.FloatRange(min=0.5, max=50), help="States per second.")
-@click.option(
-    "--threads",
-    type=click.IntRange(min=1),
-    help="Threads to use; all available ones by default.",
-)
+@threads_option
 def animate_command(
     name: str,
     kind: str,

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ngspring.options import INTERRUPTED, NOT_CONVERGED, OK
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
     from ngspring.campaign_run import CampaignObserver, Event
     from ngspring.campaign_worker import Outcome
-
-OK, NOT_CONVERGED, INTERRUPTED = 0, 3, 130
 
 
 @click.command("campaign", short_help="Compute the runs listed in a TOML file.")

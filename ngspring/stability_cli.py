@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from ngspring.arguments import make_folder, read_design
+from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ngspring.stability import Critical, Stability
 
-NOT_CONVERGED = 3
 PICTURE = "stability.png"
 
 
@@ -32,11 +32,7 @@ PICTURE = "stability.png"
     type=click.Path(path_type=Path),
     help=f"Folder for {PICTURE}; the design's own by default.",
 )
-@click.option(
-    "--threads",
-    type=click.IntRange(min=1),
-    help="Threads to use; all available ones by default.",
-)
+@threads_option
 def stability_command(name: str, points: int, out: Path | None, threads: int | None) -> int:
     """Lowest eigenvalue of the full domain's tangent along the symmetric load path.
 

@@ -11,13 +11,12 @@ import click
 from ngspring.arguments import read_problem
 from ngspring.cases import cases
 from ngspring.errors import ProblemError
+from ngspring.options import FAILED
 from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem, finite_number, shown
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-
-FAILED = 1
 
 #: Ranges of d and q.
 Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]

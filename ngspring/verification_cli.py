@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ngspring.arguments import make_folder, read_design
+from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,18 +17,12 @@ if TYPE_CHECKING:
     from ngspring.offsets import Tolerance
     from ngspring.verification import Verification
 
-NOT_CONVERGED = 3
 FORMATS = ("svg", "dxf", "step", "stl", "vtu", "msh")
 
 _out_option = click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="Folder for the results; the design's own by default.",
-)
-_threads_option = click.option(
-    "--threads",
-    type=click.IntRange(min=1),
-    help="Threads to use; all available ones by default.",
 )
 _across_option = click.option(
     "--elements-across",
@@ -56,7 +51,7 @@ _across_option = click.option(
 )
 @_across_option
 @_out_option
-@_threads_option
+@threads_option
 def verify_command(
     name: str,
     points: int,
@@ -168,7 +163,7 @@ def verification_lines(outcome: Verification) -> list[str]:
 )
 @_across_option
 @_out_option
-@_threads_option
+@threads_option
 def tolerance_command(
     name: str,
     offsets: str,
