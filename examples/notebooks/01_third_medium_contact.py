@@ -109,7 +109,7 @@ def push(E_0, k_r, depth=1.6, step=0.1):
     while d < depth - 1e-9 and step > 1e-3:
         step, before.data = min(step, depth - d), u.vec
         change.data = -step * lift.vec  # the stamp moves in the first iteration
-        for k in range(12):
+        for iteration in range(12):  # noqa: B007 (its last value counts)
             a.Apply(u.vec, residual)
             a.AssembleLinearization(u.vec)
             residual.data += a.mat * change
@@ -119,7 +119,7 @@ def push(E_0, k_r, depth=1.6, step=0.1):
             if not np.isfinite(size) or size < 1e-9:
                 break
             change[:] = 0.0
-        iterations += k + 1
+        iterations += iteration + 1
         if not size < 1e-9:
             u.vec.data, step = before, step / 2
             continue
@@ -203,13 +203,13 @@ for ax in (above, below):
 # %%
 soft = {E_0: push(E_0, 1e-6) for E_0 in (1e-3, 1e-4, 1e-5, 1e-6)}
 print("   E_0    gap at 1.6 mm    force at 0.5 mm    force at 1.6 mm    Newton iterations")
-for E_0, ((d, q, left, J), _, iterations) in soft.items():
+for E_0, ((d, q, left, _), _, iterations) in soft.items():
     early = np.interp(0.5, d, q)
     print(f"{E_0:7.0e} {left[-1]:13.5f} mm {early:15.4f} N {q[-1]:16.4f} N {iterations:16d}")
 
 # %%
 fig, (above, below) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
-for (E_0, ((d, q, left, J), _, _)), line in zip(soft.items(), ("-", "--", "-.", ":"), strict=True):
+for (E_0, ((d, q, left, _), _, _)), line in zip(soft.items(), ("-", "--", "-.", ":"), strict=True):
     above.plot(d, q, line, color="k", label=f"$E_0$ = {E_0:.0e}")
     below.semilogy(d, left, line, color="k")
 above.set(xlabel="d [mm]", ylabel="force [N]")
@@ -230,12 +230,12 @@ for ax in (above, below):
 # %%
 kept = {k_r: push(1e-6, k_r) for k_r in (0, 1e-8, 1e-6, 1e-4)}
 print("   k_r    smallest J on the way    force at 1.6 mm")
-for k_r, ((d, q, left, J), _, _) in kept.items():
+for k_r, ((_, q, _, J), _, _) in kept.items():
     print(f"{k_r:7.0e} {J.min():16.4f} {q[-1]:23.4f} N")
 
 # %%
 fig, (above, below) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
-for (k_r, ((d, q, left, J), _, _)), line in zip(kept.items(), (":", "-.", "--", "-"), strict=True):
+for (k_r, ((d, q, _, J), _, _)), line in zip(kept.items(), (":", "-.", "--", "-"), strict=True):
     above.plot(d, J, line, color="k", label=f"$k_r$ = {k_r:g}")
     below.plot(d, q, line, color="k")
 above.set(xlabel="d [mm]", ylabel="smallest J in the void")

@@ -253,8 +253,8 @@ print(f"twice the mean of lambda_y on the top: {error:.4f}")
 
 # %% [markdown]
 # The number of correct digits doubles with each iteration: that is what exact second derivatives
-# buy. The multiplier has a meaning, too. By the first line of Eq. 7 its mean on the top is the error
-# of the force, $q - q_*$ (twice the mean here, because the top of the quarter moves by $d/2$): the
+# buy. The multiplier has a meaning, too. By the first line of Eq. 7 its mean on the top is the
+# error of the force, $q - q_*$ (twice the mean here, because the top of the quarter moves by $d/2$): the
 # adjoint problem is the spring loaded by its own error.
 #
 # ## The whole evolution

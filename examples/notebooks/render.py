@@ -39,7 +39,7 @@ def execute(
     ----------
     script : Path
     extra : str
-        Code to run at the end, as a cell of its own.
+        Code to run at the end, in a cell of its own.
     longest_cell : int
         Seconds after which a cell is given up.
     """
