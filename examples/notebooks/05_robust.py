@@ -11,7 +11,6 @@
 #     name: python3
 # ---
 
-
 # %% [markdown]
 # # 5. Robust formulation, and why softening springs need it
 #
