@@ -21,8 +21,8 @@ pytest.importorskip("ipykernel")
 
 FOLDER = Path(__file__).parents[1] / "examples" / "notebooks"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the examples are not installed")
-#: Seconds for a cell; a whole notebook takes less than a minute on a free core.
-LONGEST_CELL = 240
+#: Seconds for a notebook, which takes less than one minute on a free core.
+LONGEST = 240
 LARGEST_FILE = 1_500_000
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -76,7 +76,7 @@ def test_all_six_notebooks_are_checked() -> None:
 def test_notebook_runs_and_its_numbers_are_right(name: str) -> None:
     asked = ", ".join(f"float({expression})" for expression in NUMBERS[name])
     extra = f"import json\nprint(json.dumps([{asked}]))"
-    notebook = load_render().execute(FOLDER / f"{name}.py", extra, LONGEST_CELL)
+    notebook = load_render().execute(FOLDER / f"{name}.py", extra, LONGEST)
     values = json.loads(notebook.cells[-1].outputs[-1].text.splitlines()[-1])
     for (expression, (low, high)), value in zip(NUMBERS[name].items(), values, strict=True):
         assert low <= value <= high, f"{expression} = {value} is not in [{low}, {high}]"

@@ -41,8 +41,6 @@ from ngsolve.webgui import Draw
 from ngspring import taylor_test
 from ngspring.plots import new_figure
 
-ng.SetNumThreads(1)
-
 # %% [markdown]
 # ## The unknowns
 #
@@ -303,6 +301,9 @@ figure
 scene = Draw(1 / (1 + ng.exp(-fields[0])), mesh, "density", deformation=fields[1], min=0, max=1)
 
 # %% [markdown]
+# The target is met. With a finite $\Delta t$ the design is not stationary yet, and on this mesh parts
+# of it are grey; [notebook 3](03_design_your_own.ipynb) goes all the way to $\Delta t=\infty$.
+#
 # ngspring is this notebook with more care: $\chi$ in $C^1$ splines (`ngspring.spaces`), several
 # control points with one block each (`ngspring.lagrangian`), a fast linear solver
 # (`ngspring.kkt`), and rules for $\Delta t$ (`ngspring.evolution`). The functional is the same.

@@ -39,7 +39,7 @@ from ngspring.fields import design_fields
 from ngspring.plots import convergence_figure, design_figure, draw_curve, draw_design, new_figure
 from ngspring.states import control_point_responses
 
-THREADS = 1
+THREADS = 1  # more on a machine that has nothing else to do
 
 # %% [markdown]
 # ## Targets in

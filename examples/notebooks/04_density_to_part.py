@@ -39,7 +39,7 @@ from ngspring.outline import outline
 from ngspring.plots import draw_design, new_figure
 from ngspring.verification_plot import contact_states_figure, draw_body, verification_figure
 
-THREADS = 1
+THREADS = 1  # more on a machine that has nothing else to do
 
 # %% [markdown]
 # ## The contour

@@ -46,7 +46,7 @@ from ngspring.outline import outline
 from ngspring.plots import density_figure, design_figure, new_figure
 from ngspring.states import control_point_responses
 
-THREADS = 1
+THREADS = 1  # more on a machine that has nothing else to do
 
 # %% [markdown]
 # ## Does a cylinder know that it is one?

@@ -11,6 +11,7 @@ A name is a part of a script's name, such as 03. Needs ``pip install '.[notebook
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import jupytext
@@ -18,8 +19,8 @@ import nbformat
 from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parent
-#: In seconds, for a whole cell on a busy machine.
-LONGEST_CELL = 600
+#: Seconds for a whole notebook, on a busy machine.
+LONGEST = 600
 #: A displayed scene carries all its points; above this size it is left out of the stored file.
 LARGEST_SCENE = 600_000
 
@@ -30,9 +31,7 @@ def scripts(names: list[str] | None = None) -> list[Path]:
     return [path for path in found if not names or any(name in path.stem for name in names)]
 
 
-def execute(
-    script: Path, extra: str = "", longest_cell: int = LONGEST_CELL
-) -> nbformat.NotebookNode:
+def execute(script: Path, extra: str = "", longest: int = LONGEST) -> nbformat.NotebookNode:
     """Run a script as a notebook in a fresh kernel and return it with its outputs.
 
     Parameters
@@ -40,15 +39,16 @@ def execute(
     script : Path
     extra : str
         Code to run at the end, in a cell of its own.
-    longest_cell : int
-        Seconds after which a cell is given up.
+    longest : int
+        Seconds after which the notebook is given up.
     """
     notebook = jupytext.read(script)
     if extra:
         notebook.cells.append(nbformat.v4.new_code_cell(extra))
+    end = time.monotonic() + longest
     client = NotebookClient(
         notebook,
-        timeout=longest_cell,
+        timeout_func=lambda cell: max(1, round(end - time.monotonic())),
         kernel_name="python3",
         coalesce_streams=True,
         resources={"metadata": {"path": str(FOLDER)}},
