@@ -16,7 +16,7 @@ import pytest
 
 jupytext = pytest.importorskip("jupytext")
 nbformat = pytest.importorskip("nbformat")
-pytest.importorskip("nbclient")
+nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 FOLDER = Path(__file__).parents[1] / "examples" / "notebooks"
@@ -105,3 +105,10 @@ def test_stored_notebook_shows_pictures_without_being_run(name: str) -> None:
     assert all(base64.b64decode(picture).startswith(PNG) for picture in pictures)
     scenes = [o for o in outputs if "application/vnd.jupyter.widget-view+json" in o.get("data", {})]
     assert scenes, "no interactive picture (NGSolve's Draw)"
+
+
+def test_a_notebook_that_hangs_is_given_up(tmp_path: Path) -> None:
+    script = tmp_path / "hangs.py"
+    script.write_text("# %%\nimport time\n\n# %%\ntime.sleep(600)\n")
+    with pytest.raises(nbclient.exceptions.CellTimeoutError):
+        load_render().execute(script, longest=5)

@@ -43,6 +43,8 @@ from matplotlib.collections import PolyCollection
 from netgen.occ import Glue, OCCGeometry, Rectangle
 from ngsolve.webgui import Draw
 
+ng.SetNumThreads(1)  # a problem this small is slower on several threads
+
 # %% [markdown]
 # ## The block
 #

@@ -41,6 +41,8 @@ from ngsolve.webgui import Draw
 from ngspring import taylor_test
 from ngspring.plots import new_figure
 
+ng.SetNumThreads(1)  # a problem this small is slower on several threads
+
 # %% [markdown]
 # ## The unknowns
 #
