@@ -80,15 +80,17 @@ def hole(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="self-contact of two free surfaces on the full body stops at d = -6.3 mm on this mesh",
-)
-def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body() -> None:
-    d = [-4.0, -14.0]
+@pytest.mark.parametrize("max_size", [8.0, 12.0])
+def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body(max_size: float) -> None:
+    """From onset to a stretch of 3/4, the full body's contact of free surfaces with each other.
+
+    Soon after onset the fold at each tip of the hole, symmetric on the quarter, leans to one side
+    on the full body, which has less energy: there q differs by a little less than 1e-4.
+    """
+    d = [-4.0, -6.0, -10.0, -14.0, -25.0]
     responses = [
         contact_load_displacement(
-            mesh_body(hole, spring(), domain=domain, elements_across=2, max_size=12.0),
+            mesh_body(hole, spring(), domain=domain, elements_across=2, max_size=max_size),
             d,
             threads=1,
         )
@@ -97,9 +99,13 @@ def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body() -> Non
     quarter, full = responses
     assert quarter.complete, quarter.message
     assert full.complete, full.message
-    assert quarter.contact_area[0] > 0.0
-    np.testing.assert_allclose(full.q, quarter.q, rtol=1e-5)
-    np.testing.assert_allclose(full.contact_area, quarter.contact_area, rtol=0.05)
+    closed = full.d <= -10.0
+    assert (quarter.contact_area[closed] > 60.0).all()
+    np.testing.assert_allclose(full.q, quarter.q, rtol=1e-4)
+    np.testing.assert_allclose(full.q[closed], quarter.q[closed], rtol=1e-6)
+    np.testing.assert_allclose(full.q[-1], quarter.q[-1], rtol=1e-12)
+    np.testing.assert_allclose(full.contact_area[closed], quarter.contact_area[closed], rtol=1e-3)
+    assert (full.energy < quarter.energy * (1 + 1e-12)).all()
     np.testing.assert_allclose(full.q_bottom, full.q, rtol=1e-8)
     np.testing.assert_allclose(full.q_stress, full.q, rtol=1e-6)
 
