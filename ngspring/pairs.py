@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ngspring.splines import FloatArray, IntArray
@@ -19,6 +20,10 @@ _ROUGHLY_OPPOSED = 0.3
 #: A point is inside by less than this part of the undeformed length of its own and of the
 #: opposite edge: see `ngspring.tunnelling`, whose skeletons are nearer to either surface.
 _DEEPEST = 0.25
+#: Turn in rad of the surface between two edges from which on they are a convex corner.
+_SHARP = 0.6
+#: And from which on it is a fold.
+_FOLDED = 2.6
 #: An edge is prolonged by this part of its length at a concave kink between two edges, so that a
 #: point inside the other solid is not lost between them (at a convex one it is not inside); and by
 #: this much where the surface ends on a side of the meshed part, and its mirror image goes on.
@@ -95,7 +100,34 @@ class PairSearch:
         order = order[: int(seen.sum())]
         _, first = np.unique(point[order], return_index=True)
         best = order[first]
-        return Pairs(point[best], edge[best], s[best], gap[best], normal[best])
+        found = Pairs(point[best], edge[best], s[best], gap[best], normal[best])
+        return self._round_corners(positions, points, found)
+
+    def _round_corners(self, positions: FloatArray, points: FloatArray, pairs: Pairs) -> Pairs:
+        """Where a point inside a sharp corner is nearer to the corner's other side, that side.
+
+        It need not face the point. Without it the energy would jump when the corner slides past
+        the point; so the distance from both sides is zero there.
+        """
+        convex = np.full((self.surface.edges, 2), -1)
+        turns = self._turns(positions) > _SHARP
+        convex[self._before[turns], 1] = self._after[turns]
+        convex[self._after[turns], 0] = self._before[turns]
+        neighbour = convex[pairs.edge, (pairs.s > 0.5).astype(int)]
+        asked = np.flatnonzero((pairs.gap < 0.0) & (neighbour >= 0))
+        edge, point = neighbour[asked], pairs.point[asked]
+        x = positions[self.surface.nodes[edge]]
+        s, converged = _project(points[point], x, np.where(pairs.s[asked] > 0.5, 0.0, 1.0))
+        normal = _unit(outward(np.einsum("pi,pic->pc", slopes(s), x)))
+        gap = ((points[point] - np.einsum("pi,pic->pc", shapes(s), x)) * normal).sum(1)
+        nearer = converged & (s >= 0.0) & (s <= 1.0) & (gap > pairs.gap[asked])
+        changed = asked[nearer]
+        edges, parameters, gaps, normals = (
+            part.copy() for part in (pairs.edge, pairs.s, pairs.gap, pairs.normal)
+        )
+        edges[changed], parameters[changed] = edge[nearer], s[nearer]
+        gaps[changed], normals[changed] = gap[nearer], normal[nearer]
+        return Pairs(pairs.point, edges, parameters, gaps, normals)
 
     def _deepest(self, point: IntArray, edge: IntArray) -> FloatArray:
         """How far a point can be inside: skeletons of both sides do not cross."""
@@ -142,11 +174,20 @@ class PairSearch:
         s = along / np.maximum((chord[edge] ** 2).sum(1), 1e-300)
         return point, edge, np.clip(s, 0.0, 1.0)
 
+    def _turns(self, positions: FloatArray) -> FloatArray:
+        """Angle in rad by which the surface turns where two edges meet, positive if convex.
+
+        Nearly a half turn is a fold that has closed on itself, not a needle.
+        """
+        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
+        t, after = ends[self._before, 1], ends[self._after, 0]
+        cross = t[:, 0] * after[:, 1] - t[:, 1] * after[:, 0]
+        angle = np.arctan2(cross, (t * after).sum(1))
+        return np.asarray(np.where(angle > _FOLDED, angle - 2 * np.pi, angle))
+
     def _overhang(self, positions: FloatArray) -> FloatArray:
         """By which part of its length each edge is prolonged at its two ends."""
-        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
-        t, next_t = ends[self._before, 1], ends[self._after, 0]
-        concave = t[:, 0] * next_t[:, 1] - t[:, 1] * next_t[:, 0] < 0.0
+        concave = self._turns(positions) < 0.0
         limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, 0.0)
         limit[self._before[concave], 1] = _OVERHANG
         limit[self._after[concave], 0] = _OVERHANG
@@ -158,7 +199,9 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(length, 1e-300))
 
 
-def _project(points: FloatArray, x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _project(
+    points: FloatArray, x: FloatArray, s: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Closest points of parabolas: Newton's method for ``(p - x(s)) . x'(s) = 0``."""
     c = np.einsum("i,pic->pc", CURVATURES, x)
     update = np.zeros_like(s)

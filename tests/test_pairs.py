@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from contact_bodies import two_blocks
 
-from ngspring.contact import lobatto
+from ngspring.contact import Contact, ContactLaw, lobatto
 from ngspring.pairs import PairSearch
 from ngspring.splines import FloatArray
-from ngspring.surface import Surface, outward, shapes, slopes
+from ngspring.surface import Surface, free_surface, outward, shapes, slopes
 
 #: Nodes in micrometres of the tip of a flat hole that has folded on itself, as an analysis found
 #: it: solid left of the line, the tip at (-101.8, 30.2), and the two flanks a micrometre inside
@@ -77,3 +78,33 @@ def test_no_point_inside_a_sharp_fold_is_lost() -> None:
     inside = expected < 0.0
     assert inside.sum() > 20
     np.testing.assert_allclose(found[inside], expected[inside], atol=1e-7)
+
+
+def test_the_energy_does_not_jump_when_a_corner_slides_past_a_point() -> None:
+    """The upper block, 2 micrometres inside the lower one, moves to the right by half an edge."""
+    mesh = two_blocks()
+    surface = free_surface(mesh, "surface")
+    contact = Contact(surface, (), ContactLaw(300.0, 1e-4), lambda x: np.ones(len(x)))
+    points = np.array([v.point for v in mesh.vertices])
+    upper = np.flatnonzero(points[:, 1] > 5.02)
+    n = surface.matrix.shape[1]
+
+    def energy(shift: float) -> float:
+        full = np.zeros(2 * n)
+        full[upper], full[n + upper] = shift, -0.052
+        return contact.energy(contact.state(full))
+
+    low, high = -0.7, -0.1
+    places = np.linspace(low, high, 121)
+    energies = np.array([energy(place) for place in places])
+    assert energies.min() > 0.0
+    k = int(np.argmax(abs(np.diff(energies))))
+    low, high = float(places[k]), float(places[k + 1])
+    jump = abs(energies[k + 1] - energies[k])
+    assert jump > 1e-3 * energies[k]
+    while high - low > 1e-9:
+        middle = (low + high) / 2
+        parts = [abs(energy(middle) - energy(low)), abs(energy(high) - energy(middle))]
+        low, high = (low, middle) if parts[0] > parts[1] else (middle, high)
+        jump = max(parts)
+    assert jump < 1e-5 * energies[k]
