@@ -10,26 +10,19 @@ import pytest
 from contact_bodies import (
     block_with_hole,
     body_of,
-    c_shape,
-    constrained,
     ellipse,
-    mechanics_of,
-    nearest_vertex,
     rectangle,
     spring,
 )
 from numpy.typing import NDArray
 
 from ngspring.bodymesh import mesh_body
-from ngspring.contact import ContactLaw
-from ngspring.contact_path import follow_contact
 from ngspring.contact_response import (
     ContactResponse,
     ContactSettings,
     contact_load_displacement,
 )
 from ngspring.response import load_displacement
-from ngspring.supports import dofs_on
 
 
 @pytest.fixture(scope="module")
@@ -151,25 +144,3 @@ def test_in_tension_a_hole_opens_without_contact() -> None:
     assert response.contact_starts == ()
     assert response.pressure.max() == 0.0
     assert response.largest_stretch[0] > 1.2
-
-
-def c_shape_curve(maxh: float, displacements: list[float]) -> list[float]:
-    """Vertical displacements in mm of the C's lower right corner A (L = 4, t = 0.4, H = L / 2)."""
-    mesh = c_shape(maxh=maxh)
-    n = mesh.nv + mesh.nedge
-    left = dofs_on(ng.H1(mesh, order=2), mesh, "left")
-    loaded = np.zeros(2 * n)
-    loaded[n + nearest_vertex(mesh, 4.0, 2.0)] = 1.0
-    matrix = constrained(n, np.concatenate([left, n + left]), loaded)
-    mechanics = mechanics_of(mesh, matrix, ContactLaw(500.0, 4e-5), 2.0)
-    points, message = follow_contact(mechanics, np.array(displacements), mechanics.at_rest())
-    assert not message
-    corner = n + nearest_vertex(mesh, 4.0, 0.0)
-    return [float(mechanics.full_field(p.d, p.u)[corner]) for p in points]
-
-
-def test_the_arm_of_a_c_stays_at_rest_until_the_other_arm_touches_it() -> None:
-    """The lower arm moves with the upper one only from a displacement of 0.3 L on."""
-    apart, touching = c_shape_curve(0.25, [-1.0, -1.6])
-    assert abs(apart) < 0.005
-    assert -0.6 < touching < -0.3
