@@ -56,6 +56,17 @@ def test_forces_are_in_balance_and_agree_with_energy_and_stress(
     assert slope == pytest.approx(closing.q[k], rel=1e-5)
 
 
+def test_the_stress_on_the_loaded_side_converges_to_the_force_with_the_mesh() -> None:
+    """Sections' averages agree on any mesh; the stress at a boundary is as good as the mesh."""
+    errors = []
+    for maxh in (12.0, 6.0, 3.0):
+        response = contact_load_displacement(block_with_hole(maxh), [-4.0, -16.0], threads=1)
+        np.testing.assert_allclose(response.q_stress, response.q, rtol=1e-10)
+        errors.append(abs(response.q_side / response.q - 1).max())
+    assert errors[2] < errors[1] / 4 < errors[0] / 16
+    assert errors[2] < 1e-4
+
+
 @pytest.mark.parametrize("changes", [{"stiffness": 1e4}, {"stiffness": 2.5e5}, {"points": 9}])
 def test_the_force_does_not_depend_on_numerical_parameters(
     closing: ContactResponse, changes: dict[str, float]
