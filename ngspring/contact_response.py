@@ -17,7 +17,7 @@ from ngspring.contact_path import contact_onset, follow_contact
 from ngspring.errors import ProblemError
 from ngspring.path import checked_displacements
 from ngspring.problem import SpringProblem, shown
-from ngspring.solid import Solid, section_force, spring_density
+from ngspring.solid import Solid, section_force, side_force, spring_density
 from ngspring.spaces import Grid
 from ngspring.splines import FloatArray
 from ngspring.supports import Supports, spring_supports
@@ -84,7 +84,11 @@ class ContactResponse:
     q_bottom : array (points,)
         Force on the bottom side, from the reactions there.
     q_stress : array (points,)
-        Force carried by the stresses and contact forces through the spring's sections.
+        Force carried by the stresses and contact forces through the spring's sections, averaged
+        over all of them (`ngspring.solid.section_force`): q but for rounding in equilibrium.
+    q_side : array (points,)
+        Integral of the stress over the bottom side (`ngspring.solid.side_force`), with contact
+        there: q but for the error of the mesh.
     energy : array (points,)
         Strain energy in N mm, with the (tiny) energy of contact.
     stiffness : array (points,)
@@ -123,6 +127,7 @@ class ContactResponse:
     q: FloatArray
     q_bottom: FloatArray
     q_stress: FloatArray
+    q_side: FloatArray
     energy: FloatArray
     stiffness: FloatArray
     u: FloatArray
@@ -267,6 +272,7 @@ def _response(
         q=np.array([point.q for point in points]),
         q_bottom=np.array([row[0] for row in rows]),
         q_stress=np.array([row[1] for row in rows]),
+        q_side=np.array([row[6] for row in rows]),
         energy=np.array([point.energy for point in points]),
         stiffness=np.array([point.stiffness for point in points]),
         u=np.array(fields).reshape(-1, 2 * n),
@@ -293,8 +299,8 @@ def _evaluated(
     stretch: FloatArray,
     point: ContactPoint,
     full: FloatArray,
-) -> tuple[float, float, FloatArray, float, float, tuple[float, float]]:
-    """q_bottom, q_stress, pressures, contact area, largest stretch and its place."""
+) -> tuple[float, float, FloatArray, float, float, tuple[float, float], float]:
+    """q_bottom, q_stress, pressures, contact area, largest stretch and its place, q_side."""
     solid, contact = mechanics.solid, mechanics.contact
     of_contact = contact.forces(point.contact)
     forces = solid.forces(full) + of_contact
@@ -302,4 +308,7 @@ def _evaluated(
     q_stress = section_force(body, solid, full) + float(of_contact @ stretch)
     pressure, area = contact.pressure(point.contact)
     largest, place = solid.largest_stretch(full)
-    return -supports.top_share * float(on_bottom), q_stress, pressure, area, largest, place
+    from_plane = supports.top_share * contact.plane_force(point.contact, "bottom")
+    q_side = side_force(body, solid, full, "bottom") - from_plane
+    q_bottom = -supports.top_share * float(on_bottom)
+    return q_bottom, q_stress, pressure, area, largest, place, q_side

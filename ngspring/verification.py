@@ -195,6 +195,7 @@ class Verification:
             "smallest_gap": finite_or_none(float(np.min(contact.smallest_gap, initial=np.inf))),
             "force_balance": finite_or_none(_largest(contact.q_bottom - contact.q)),
             "stress_balance": finite_or_none(_largest(contact.q_stress - contact.q)),
+            "side_stress_error": finite_or_none(_largest(contact.q_side - contact.q)),
             "mesh": {
                 "elements": None if quality is None else quality.elements,
                 "smallest_angle": None

@@ -137,16 +137,3 @@ def half_cylinder(radius: float, near: float, maxh: float) -> Any:
         elif max(abs(low.y - radius), abs(high.y - radius)) < 1e-4:
             edge.name = "top"
     return meshed(shape, maxh)
-
-
-def c_shape(length: float = 4.0, wall: float = 0.4, maxh: float = 0.2) -> Any:
-    """A C of height L / 2, open to the right; its left side is named, all else is surface."""
-    height = length / 2
-    shape = (
-        rectangle(0, 0, length, wall)
-        + rectangle(0, 0, wall, height)
-        + rectangle(0, height - wall, length, wall)
-    )
-    shape.edges.name = "surface"
-    shape.edges.Min(X).name = "left"
-    return meshed(shape, maxh)

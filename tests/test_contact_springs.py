@@ -10,26 +10,19 @@ import pytest
 from contact_bodies import (
     block_with_hole,
     body_of,
-    c_shape,
-    constrained,
     ellipse,
-    mechanics_of,
-    nearest_vertex,
     rectangle,
     spring,
 )
 from numpy.typing import NDArray
 
 from ngspring.bodymesh import mesh_body
-from ngspring.contact import ContactLaw
-from ngspring.contact_path import follow_contact
 from ngspring.contact_response import (
     ContactResponse,
     ContactSettings,
     contact_load_displacement,
 )
 from ngspring.response import load_displacement
-from ngspring.supports import dofs_on
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +56,17 @@ def test_forces_are_in_balance_and_agree_with_energy_and_stress(
     assert slope == pytest.approx(closing.q[k], rel=1e-5)
 
 
+def test_the_stress_on_the_loaded_side_converges_to_the_force_with_the_mesh() -> None:
+    """Sections' averages agree on any mesh; the stress at a boundary is as good as the mesh."""
+    errors = []
+    for maxh in (12.0, 6.0, 3.0):
+        response = contact_load_displacement(block_with_hole(maxh), [-4.0, -16.0], threads=1)
+        np.testing.assert_allclose(response.q_stress, response.q, rtol=1e-10)
+        errors.append(abs(response.q_side / response.q - 1).max())
+    assert errors[2] < errors[1] / 4 < errors[0] / 16
+    assert errors[2] < 1e-4
+
+
 @pytest.mark.parametrize("changes", [{"stiffness": 1e4}, {"stiffness": 2.5e5}, {"points": 9}])
 def test_the_force_does_not_depend_on_numerical_parameters(
     closing: ContactResponse, changes: dict[str, float]
@@ -80,15 +84,17 @@ def hole(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="self-contact of two free surfaces on the full body stops at d = -6.3 mm on this mesh",
-)
-def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body() -> None:
-    d = [-4.0, -14.0]
+@pytest.mark.parametrize("max_size", [8.0, 12.0])
+def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body(max_size: float) -> None:
+    """From onset to a stretch of 3/4, the full body's contact of free surfaces with each other.
+
+    Soon after onset the fold at each tip of the hole, symmetric on the quarter, leans to one side
+    on the full body, which has less energy: there q differs by a little less than 1e-4.
+    """
+    d = [-4.0, -6.0, -10.0, -14.0, -25.0]
     responses = [
         contact_load_displacement(
-            mesh_body(hole, spring(), domain=domain, elements_across=2, max_size=12.0),
+            mesh_body(hole, spring(), domain=domain, elements_across=2, max_size=max_size),
             d,
             threads=1,
         )
@@ -97,9 +103,13 @@ def test_mirror_planes_of_the_quarter_are_self_contact_of_the_full_body() -> Non
     quarter, full = responses
     assert quarter.complete, quarter.message
     assert full.complete, full.message
-    assert quarter.contact_area[0] > 0.0
-    np.testing.assert_allclose(full.q, quarter.q, rtol=1e-5)
-    np.testing.assert_allclose(full.contact_area, quarter.contact_area, rtol=0.05)
+    closed = full.d <= -10.0
+    assert (quarter.contact_area[closed] > 60.0).all()
+    np.testing.assert_allclose(full.q, quarter.q, rtol=1e-4)
+    np.testing.assert_allclose(full.q[closed], quarter.q[closed], rtol=1e-6)
+    np.testing.assert_allclose(full.q[-1], quarter.q[-1], rtol=1e-12)
+    np.testing.assert_allclose(full.contact_area[closed], quarter.contact_area[closed], rtol=1e-3)
+    assert (full.energy < quarter.energy * (1 + 1e-12)).all()
     np.testing.assert_allclose(full.q_bottom, full.q, rtol=1e-8)
     np.testing.assert_allclose(full.q_stress, full.q, rtol=1e-6)
 
@@ -145,25 +155,3 @@ def test_in_tension_a_hole_opens_without_contact() -> None:
     assert response.contact_starts == ()
     assert response.pressure.max() == 0.0
     assert response.largest_stretch[0] > 1.2
-
-
-def c_shape_curve(maxh: float, displacements: list[float]) -> list[float]:
-    """Vertical displacements in mm of the C's lower right corner A (L = 4, t = 0.4, H = L / 2)."""
-    mesh = c_shape(maxh=maxh)
-    n = mesh.nv + mesh.nedge
-    left = dofs_on(ng.H1(mesh, order=2), mesh, "left")
-    loaded = np.zeros(2 * n)
-    loaded[n + nearest_vertex(mesh, 4.0, 2.0)] = 1.0
-    matrix = constrained(n, np.concatenate([left, n + left]), loaded)
-    mechanics = mechanics_of(mesh, matrix, ContactLaw(500.0, 4e-5), 2.0)
-    points, message = follow_contact(mechanics, np.array(displacements), mechanics.at_rest())
-    assert not message
-    corner = n + nearest_vertex(mesh, 4.0, 0.0)
-    return [float(mechanics.full_field(p.d, p.u)[corner]) for p in points]
-
-
-def test_the_arm_of_a_c_stays_at_rest_until_the_other_arm_touches_it() -> None:
-    """The lower arm moves with the upper one only from a displacement of 0.3 L on."""
-    apart, touching = c_shape_curve(0.25, [-1.0, -1.6])
-    assert abs(apart) < 0.005
-    assert -0.6 < touching < -0.3
