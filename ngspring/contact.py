@@ -259,23 +259,37 @@ class Contact:
         Both half passes act on both surfaces, so a point's pressure is the mean of the nominal one
         on its own and on the opposite undeformed area, each over the area as deformed.
         """
-        speed = np.linalg.norm(self.surface.slopes_at(state.positions, self.s), axis=-1).ravel()
-        at_rest = np.linalg.norm(self.surface.slopes_at(self.surface.rest, self.s), axis=-1).ravel()
-        width, width_at_rest = self._measure(self.points(state.positions)), self._measure(self.rest)
-        growth = speed * width / (at_rest * width_at_rest)
+        growth = self._growth(
+            self.surface.slopes_at(state.positions, self.s).reshape(-1, 2),
+            self.surface.slopes_at(self.surface.rest, self.s).reshape(-1, 2),
+            self.points(state.positions),
+            self.rest,
+        )
         pressure = np.zeros(len(self.edge))
         pairs = state.pairs
         nodes = self.surface.nodes[pairs.edge]
-        foot, foot_at_rest = (
-            np.linalg.norm(np.einsum("pi,pic->pc", slopes(pairs.s), x[nodes]), axis=1)
-            * self._measure(np.einsum("pi,pic->pc", shapes(pairs.s), x[nodes]))
-            for x in (state.positions, self.surface.rest)
+        slope, foot = slopes(pairs.s), shapes(pairs.s)
+        x, rest = state.positions[nodes], self.surface.rest[nodes]
+        foot_growth = self._growth(
+            *(np.einsum("pi,pic->pc", slope, place) for place in (x, rest)),
+            *(np.einsum("pi,pic->pc", foot, place) for place in (x, rest)),
         )
         nominal = self.law.pressure(pairs.gap)
-        pressure[pairs.point] += nominal / 2 * (1 / growth[pairs.point] + foot_at_rest / foot)
+        pressure[pairs.point] += nominal / 2 * (1 / growth[pairs.point] + 1 / foot_growth)
         for gap in state.plane_gaps:
             pressure += self.law.pressure(2 * gap) / growth
         return pressure, float((self.area * growth)[pressure > 0.0].sum() / 2)
+
+    def _growth(
+        self, slope: FloatArray, slope_at_rest: FloatArray, place: FloatArray, rest: FloatArray
+    ) -> FloatArray:
+        """Deformed over undeformed area at points with these slopes d(x, y)/ds and places."""
+        along = np.linalg.norm(slope, axis=1) / np.linalg.norm(slope_at_rest, axis=1)
+        width, width_at_rest = self._measure(place), self._measure(rest)
+        # On the axis of revolution r / R is dr / dR: a smooth surface is at a right angle to it.
+        off_axis = width_at_rest > 1e-9 * width_at_rest.max(initial=0.0)
+        around = np.divide(width, width_at_rest, out=along.copy(), where=off_axis)
+        return np.asarray(along * around)
 
     def second_derivative(self, state: ContactState, extraction: sp.csr_matrix) -> sp.csr_matrix:
         """Second derivative by the unknowns of an extraction matrix, both triangles."""

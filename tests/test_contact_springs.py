@@ -21,8 +21,10 @@ from ngspring.contact_response import (
     ContactResponse,
     ContactSettings,
     contact_load_displacement,
+    contact_mechanics,
 )
 from ngspring.response import load_displacement
+from ngspring.threads import parallel
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +140,22 @@ def test_an_axisymmetric_cavity_closes() -> None:
     np.testing.assert_allclose(response.q_bottom, response.q, rtol=1e-8)
     np.testing.assert_allclose(response.q_stress, response.q, rtol=1e-6)
     assert response.smallest_gap.min() > -0.02
+
+
+def test_a_surface_that_meets_the_axis_grows_there_as_beside_it() -> None:
+    """On the axis r / R is 0 / 0, or rounding over rounding."""
+    body = block_with_hole(6.0, kinematics="axisymmetric")
+    with parallel(1) as threads:
+        mechanics, _ = contact_mechanics(body, ContactSettings(), threads)
+    contact = mechanics.contact
+    centre = np.array([body.problem.L / 2, body.problem.H / 2])
+    slopes = contact.surface.slopes_at(contact.surface.rest, contact.s).reshape(-1, 2)
+    radius = body.problem.L / 2 - contact.rest[:, 0]
+    assert np.abs(radius).min() < 1e-9
+    growth = contact._growth(
+        1.5 * slopes, slopes, centre + 1.5 * (contact.rest - centre), contact.rest
+    )
+    np.testing.assert_allclose(growth, 1.5**2, rtol=1e-9)
 
 
 def test_a_notch_in_the_left_side_closes_on_the_moving_mirror_line() -> None:
