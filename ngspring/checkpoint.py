@@ -175,3 +175,31 @@ def in_use_since(folder: Path) -> float:
         return (folder / LOCK).stat().st_mtime
     except OSError:
         return 0.0
+
+
+def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
+    """The checkpoint to resume in a run folder; None if there is no run yet.
+
+    Raises
+    ------
+    RunFolderError
+        If there is a run and not ``resume``, or it is another problem's, or has no checkpoint.
+    """
+    path = folder / CHECKPOINT
+    if not path.exists():
+        if (folder / DESIGN).exists():
+            raise RunFolderError(
+                f"{folder} holds a design but no checkpoint to resume: choose another folder"
+            )
+        return None
+    if not resume:
+        raise RunFolderError(
+            f"{folder} holds a run already: resume it (--resume) or choose another folder"
+        )
+    checkpoint = Checkpoint.load(path)
+    if checkpoint.problem != problem:
+        raise RunFolderError(
+            f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
+            f" {checkpoint.problem.elements} elements): choose another folder"
+        )
+    return checkpoint

@@ -18,13 +18,22 @@ from pathlib import Path
 import ngsolve as ng
 import numpy as np
 
-from ngspring.checkpoint import CHECKPOINT, DESIGN, HISTORY, SNAPSHOTS, Checkpoint, locked
+from ngspring.branches import path_from_rest
+from ngspring.checkpoint import (
+    CHECKPOINT,
+    DESIGN,
+    HISTORY,
+    SNAPSHOTS,
+    Checkpoint,
+    checkpoint_of,
+    locked,
+)
 from ngspring.design import Design, equivalent_width
 from ngspring.elimination import Elimination
-from ngspring.errors import ProblemError, RunFolderError
+from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
-from ngspring.kkt import CoupledSystem
+from ngspring.kkt import CoupledSystem, State
 from ngspring.newton import NewtonResult, NewtonSettings, solve_update
 from ngspring.problem import SpringProblem, shown
 from ngspring.snapshots import SnapshotRecorder
@@ -59,6 +68,9 @@ class Update:
     reason: str
     design: Design
 
+
+#: Returns to the path from rest before a run gives up, and dt after each (times `time_unit`).
+RETURNS, DT_RETURN = 3, 1e4
 
 #: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
 POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
@@ -161,7 +173,7 @@ def optimize(
             return run.loop()
     folder = Path(out)
     with locked(folder):
-        checkpoint = _checkpoint_of(folder, problem, resume)
+        checkpoint = checkpoint_of(folder, problem, resume)
         if checkpoint is not None and checkpoint.dt == np.inf and run.finished(checkpoint):
             run.restore(checkpoint)
             run.folder = folder
@@ -188,27 +200,6 @@ def optimize(
 
 def _is_number(value: object) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
-
-
-def _checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
-    path = folder / CHECKPOINT
-    if not path.exists():
-        if (folder / DESIGN).exists():
-            raise RunFolderError(
-                f"{folder} holds a design but no checkpoint to resume: choose another folder"
-            )
-        return None
-    if not resume:
-        raise RunFolderError(
-            f"{folder} holds a run already: resume it (--resume) or choose another folder"
-        )
-    checkpoint = Checkpoint.load(path)
-    if checkpoint.problem != problem:
-        raise RunFolderError(
-            f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
-            f" {checkpoint.problem.elements} elements): choose another folder"
-        )
-    return checkpoint
 
 
 class _Run:
@@ -282,6 +273,13 @@ class _Run:
                 return self.result(False, message)
             dt = np.inf if self.dt > end else self.dt
             outcome = self._update(dt)
+            if outcome.converged and np.isinf(dt):
+                try:
+                    if self._returned(outcome.state):
+                        rejected = rejected_iterations = 0
+                        continue
+                except ConvergenceError as error:
+                    return self._failed(f"this design does not follow its path from rest: {error}")
             if outcome.converged:
                 self.previous, self.dt_previous = self.state, dt
                 self.state = outcome.state
@@ -299,10 +297,35 @@ class _Run:
             self._tell(False, dt, outcome.reason)
             self.dt = min(self.dt, end) / self.rule.shrink
             if not self.dt >= self.rule.smallest * self.unit:
-                message = f"dt fell below {self.dt:.1e}: {outcome.reason}"
-                self.ended = {"failed": message}
-                self.write()
-                return self.result(False, message)
+                return self._failed(f"dt fell below {self.dt:.1e}: {outcome.reason}")
+
+    def _failed(self, message: str) -> Result:
+        self.ended = {"failed": message}
+        self.write()
+        return self.result(False, message)
+
+    def _returned(self, final: State) -> bool:
+        """Whether ``final`` was on another branch than the path from rest, and is given up for it.
+
+        The history then has a row with dt = 0, where C jumps up.
+
+        Raises
+        ------
+        ConvergenceError
+            If the path from rest ends early, or was left too often.
+        """
+        assert self.system is not None
+        rest = path_from_rest(self.system, final)
+        if rest is None:
+            return False
+        if sum(row["dt"] == 0.0 for row in self.rows[1:]) == RETURNS:
+            raise ConvergenceError(f"it left it after each of {RETURNS} returns; try another start")
+        self.state = self.previous = rest
+        self.dt, self.dt_previous = DT_RETURN * self.unit, 0.0
+        self.rows.append(self._row(0.0, 0, 0, 0))
+        self._save()
+        self._tell(True, 0.0, "")
+        return True
 
     def _update(self, dt: float) -> NewtonResult:
         assert self.system is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import ngsolve as ng
 
@@ -13,24 +13,9 @@ from ngspring.spaces import Grid, ScalarSpace, spline_extraction
 from ngspring.states import index_of
 
 
-class Fields(NamedTuple):
-    """Grid functions on the analysed part of a spring.
-
-    Attributes
-    ----------
-    mesh : ngsolve.Mesh
-    chi : ngsolve.GridFunction
-        The design field, exactly; its density is ``ngspring.energies.rho(chi)``.
-    u : ngsolve.GridFunction
-        Displacement in mm, (u_x, u_y); zero for the undeformed state.
-    """
-
-    mesh: Any
-    chi: Any
-    u: Any
-
-
-def design_fields(design: Design, response: Response | None = None, d: float = 0.0) -> Fields:
+def design_fields(
+    design: Design, response: Response | None = None, d: float = 0.0
+) -> tuple[Any, Any, Any]:
     """chi and u of a design at a displacement, as NGSolve grid functions.
 
     Parameters
@@ -40,6 +25,15 @@ def design_fields(design: Design, response: Response | None = None, d: float = 0
         Of this design; only the undeformed state is known without it.
     d : float
         A displacement in mm that the response reached, or zero.
+
+    Returns
+    -------
+    mesh : ngsolve.Mesh
+        Of the analysed part of the spring.
+    chi : ngsolve.GridFunction
+        The design field, exactly; its density is ``ngspring.energies.rho(chi)``.
+    u : ngsolve.GridFunction
+        Displacement in mm, (u_x, u_y); zero for the undeformed state.
 
     Raises
     ------
@@ -73,4 +67,4 @@ def design_fields(design: Design, response: Response | None = None, d: float = 0
     u.vec[:] = 0.0
     if response is not None and index is not None:
         u.vec.FV().NumPy()[:] = response.u[index].ravel()
-    return Fields(mesh, chi, u)
+    return mesh, chi, u

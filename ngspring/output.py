@@ -11,47 +11,12 @@ from ngspring.html_report import REPORT, write_report
 from ngspring.plots import convergence_figure, design_figure, save_figure
 from ngspring.report import response_csv
 from ngspring.runstate import RESPONSE, STATES, read_run
-from ngspring.states import (
-    Responses,
-    at_control_points,
-    control_point_responses,
-    curve_displacements,
-    reached,
-)
+from ngspring.states import at_control_points, control_point_responses, curve_displacements
 from ngspring.vtu import write_vtu
 
 CONVERGENCE_PICTURE = "convergence.png"
 DESIGN_PICTURE = STATES
 DESIGN_VTU = "design.vtu"
-
-
-#: Forces that differ by more than this, relative to the largest target, belong to two branches.
-SAME_BRANCH = 0.01
-
-
-def other_branches(result: Result, responses: Responses) -> list[str]:
-    """A line for every control point whose state does not lie on the path from rest.
-
-    The optimiser carries the displacements along from update to update, and may end beyond a
-    bifurcation: walls that it keeps buckled outwards buckle inwards when they are loaded from rest.
-
-    Parameters
-    ----------
-    result : Result
-    responses : mapping from eta to Response
-        The paths from rest, at the control points at least.
-    """
-    points = result.design.problem.control_points
-    scale = max(abs(point.q) for point in points) or max(abs(float(q)) for q in result.q)
-    lines = []
-    for point, q in zip(points, result.q, strict=True):
-        on_path = reached(responses, point)
-        if on_path is not None and abs(on_path - q) > SAME_BRANCH * scale:
-            lines.append(
-                f"another branch: loaded from rest, the spring carries {on_path:.4g} N at"
-                f" d = {point.d:g} mm, not {q:.4g} N; optimise again from another start"
-            )
-    return lines
 
 
 def write_pictures(result: Result, folder: Path, threads: int | None = None) -> list[str]:
@@ -60,8 +25,7 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     Returns
     -------
     list of str
-        Lines for the user: where a curve is incomplete, where a converged design's forces are not
-        those of its path from rest, and which files are there.
+        Lines for the user: where a curve is incomplete, and which files are there.
 
     Raises
     ------
@@ -79,7 +43,5 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     write_text(folder / RESPONSE, response_csv(responses[0.0]))
     write_report(read_run(folder, ended=True), folder / REPORT)
     lines = [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
-    if result.converged:
-        lines += other_branches(result, responses)
     names = (DESIGN, HISTORY, RESPONSE, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU, REPORT)
     return [*lines, f"files in {folder}: {', '.join(names)}"]

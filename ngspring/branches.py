@@ -1,0 +1,41 @@
+"""Whether a design's states lie on the path that the spring takes when it is loaded from rest.
+
+The evolution carries displacements along from one design update to the next. Where the design
+moves past a bifurcation they stay on their branch, while the spring, loaded from rest, takes
+another: walls that are kept buckled outwards may buckle inwards. Such a state satisfies Eqs. 4, 7
+and 8 and meets its targets, but it is not what the spring does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ngspring.design import Design
+from ngspring.kkt import CoupledSystem, State
+from ngspring.problem import SpringProblem
+from ngspring.splines import FloatArray
+from ngspring.start import initial_state
+
+#: Forces that differ by more than this, relative to the largest target, belong to two branches.
+SAME_BRANCH = 1e-3
+
+
+def on_another_branch(problem: SpringProblem, q: FloatArray, q_rest: FloatArray) -> bool:
+    """Whether forces in N at the control points are not those of the path from rest."""
+    scale = max(abs(point.q) for point in problem.control_points)
+    return bool(np.abs(q - q_rest).max() > SAME_BRANCH * (scale or np.abs(q).max()))
+
+
+def path_from_rest(system: CoupledSystem, state: State) -> State | None:
+    """The same design's state on the path from rest; None if ``state`` lies on it.
+
+    Raises
+    ------
+    ConvergenceError
+        If the path from rest ends before a control point.
+    """
+    problem = system.problem
+    design = Design(problem, state.chi.reshape(problem.coefficient_shape))
+    rest = initial_state(system, design)
+    differs = on_another_branch(problem, state.forces(problem), rest.forces(problem))
+    return rest if differs else None
