@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from commands import invoke
 from PIL import Image, ImageSequence
 
 from ngspring import (
@@ -23,7 +23,6 @@ from ngspring import (
     optimize,
 )
 from ngspring.animation import animate_deformation, animate_evolution, check_film
-from ngspring.cli import cli
 from ngspring.snapshots import Snapshots
 from ngspring.splines import FloatArray
 
@@ -31,14 +30,6 @@ PROBLEM = SpringProblem(
     (ControlPoint(10.0, 2.0), ControlPoint(-10.0, -2.0)), name="small", elements=8, l_i=10.0
 )
 LARGEST = 2e6
-
-
-def invoke(*args: object, code: int = 0) -> Result:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args], prog_name="ngspring")
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == code, result.output
-    return result
 
 
 def frames(path: Path) -> list[FloatArray]:

@@ -16,13 +16,12 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from commands import invoke
 from matplotlib.image import imread
 
 import ngspring
 from ngspring.arguments import on_mesh, read_problem
 from ngspring.cases import cases
-from ngspring.cli import cli
 from ngspring.design import Design
 from ngspring.errors import ConvergenceError
 from ngspring.problem import ControlPoint, SpringProblem
@@ -49,14 +48,6 @@ l_i = 7.0
 d = -10.0
 q = -2.0
 """
-
-
-def invoke(*args: object, code: int = 0) -> Result:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args], prog_name="ngspring")
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == code, result.output
-    return result
 
 
 def environment() -> dict[str, str]:

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from commands import invoke
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ngspring.cases import cases
-from ngspring.cli import cli
 from ngspring.errors import ProblemError
 from ngspring.material import bulk_and_shear_modulus, young_from_shore_A
 from ngspring.problem import ControlPoint, SpringProblem
@@ -344,14 +343,6 @@ def test_a_commented_file_describes_the_problem(name: str) -> None:
 
 
 # -- the command line ------------------------------------------------------------------------------
-
-
-def invoke(*args: object, code: int = 0) -> Result:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args], prog_name="ngspring")
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == code, result.output
-    return result
 
 
 def test_a_small_rubber_spring_gets_weights_of_its_size(folder: Path) -> None:

@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from commands import invoke
 
 from ngspring import ControlPoint, Design, RunFolderError, SpringProblem, gallery, optimize
 from ngspring.checkpoint import CHECKPOINT, DESIGN, LOCK, Checkpoint, in_use, locked
-from ngspring.cli import cli
 from ngspring.evolution import Update
 from ngspring.html_report import REPORT, ReportWriter
 from ngspring.newton import NewtonSettings
@@ -35,14 +34,6 @@ from ngspring.runstate import (
 from ngspring.steprule import StepRule
 
 PROBLEM = SpringProblem((ControlPoint(-10.0, -2.0),), name="small", elements=8, l_i=10.0)
-
-
-def invoke(*args: object, code: int = 0) -> Result:
-    result = CliRunner().invoke(cli, [str(arg) for arg in args], prog_name="ngspring")
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == code, result.output
-    return result
 
 
 def contents(folder: Path) -> dict[str, tuple[bytes, int]]:
