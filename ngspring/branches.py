@@ -3,7 +3,8 @@
 The evolution carries displacements along from one design update to the next. Where the design
 moves past a bifurcation they stay on their branch, while the spring, loaded from rest, takes
 another: walls that are kept buckled outwards may buckle inwards. Such a state satisfies Eqs. 4, 7
-and 8 and meets its targets, but it is not what the spring does.
+and 8 and meets its targets, but it is not what the spring does. Forces alone do not tell: two
+branches may carry the same at a control point, and have different sensitivities.
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ from ngspring.kkt import CoupledSystem, State
 from ngspring.problem import SpringProblem
 from ngspring.splines import FloatArray
 from ngspring.start import initial_state
+from ngspring.stationarity import relative_optimality
 
 #: Forces that differ by more than this, relative to the largest target, belong to two branches.
 SAME_BRANCH = 1e-3
+#: Residual of Eq. 8 relative to its terms, up to which the path from rest is stationary too.
+STATIONARY = 1e-6
 
 
 def on_another_branch(problem: SpringProblem, q: FloatArray, q_rest: FloatArray) -> bool:
@@ -37,5 +41,7 @@ def path_from_rest(system: CoupledSystem, state: State) -> State | None:
     problem = system.problem
     design = Design(problem, state.chi.reshape(problem.coefficient_shape))
     rest = initial_state(system, design)
-    differs = on_another_branch(problem, state.forces(problem), rest.forces(problem))
-    return rest if differs else None
+    if on_another_branch(problem, state.forces(problem), rest.forces(problem)):
+        return rest
+    here, there = (relative_optimality(system, place) for place in (state, rest))
+    return rest if there > STATIONARY and there > 10 * here else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ngspring.design import Design
-from ngspring.kkt import CoupledSystem
+from ngspring.kkt import CoupledSystem, Residual, State
 from ngspring.splines import FloatArray
 from ngspring.start import initial_state
 from ngspring.threads import parallel
@@ -41,6 +41,16 @@ class Optimality:
         return np.abs(self.q - self.targets) / np.maximum(np.abs(self.targets), 1e-300)
 
 
+def _relative(residual: Residual) -> float:
+    size = float(np.sqrt(sum(norm**2 for norm in residual.chi_terms.values())))
+    return float(np.linalg.norm(residual.chi)) / size if size > 0 else 0.0
+
+
+def relative_optimality(system: CoupledSystem, state: State) -> float:
+    """Norm of Eq. 8's residual without transient term, relative to its terms."""
+    return _relative(system.residual(state, state.chi, np.inf))
+
+
 def optimality(
     design: Design, *, domain: str | None = None, threads: int | None = None, solver: str = "auto"
 ) -> Optimality:
@@ -67,12 +77,10 @@ def optimality(
         system = CoupledSystem(problem, solver, count)
         state = initial_state(system, design)
         residual = system.residual(state, state.chi, np.inf)
-    terms = residual.chi_terms
-    size = float(np.sqrt(sum(norm**2 for norm in terms.values())))
     targets = np.array([point.q for point in problem.control_points])
     return Optimality(
-        residual=float(np.linalg.norm(residual.chi)) / size if size > 0 else 0.0,
-        terms=terms,
+        residual=_relative(residual),
+        terms=residual.chi_terms,
         q=state.forces(problem),
         targets=targets,
     )

@@ -33,6 +33,21 @@ def test_states_on_the_path_from_rest_stay_and_others_are_replaced() -> None:
     np.testing.assert_array_equal(rest.chi, state.chi)
 
 
+def test_equal_forces_do_not_hide_a_path_on_which_the_design_is_not_stationary(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with parallel(1) as threads:
+        system = CoupledSystem(PROBLEM, threads=threads)
+        state = initial_state(system, Design.column(PROBLEM))
+        residuals = {id(state): 1e-9}
+        monkeypatch.setattr(
+            "ngspring.branches.relative_optimality", lambda _, s: residuals.get(id(s), 0.3)
+        )
+        assert path_from_rest(system, state) is not None
+        residuals = {id(state): 0.3}
+        assert path_from_rest(system, state) is None  # no worse than what the run has found
+
+
 def test_forces_are_compared_on_the_scale_of_the_largest_target() -> None:
     problem = PROBLEM.replace(control_points=(ControlPoint(-10, 0.0), ControlPoint(10, 4.0)))
     q = np.array([0.0, 4.0])
