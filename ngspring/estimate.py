@@ -3,7 +3,9 @@
 dt climbs quickly to about 1e10, creeps there while material is taken away, and then climbs
 steadily to 1e20. Only the last part can be predicted well; of the creeping part no more is known
 than how many design updates it usually takes. In the second half of their time the estimate was
-within a factor of four for all ten stored runs, and up to ten times too low in the first half.
+within a factor of four for all stored runs that began from a column or at random, and up to ten
+times too low in the first half. Runs that continue from a finished design take fewer updates: there
+it was up to ten times too high.
 """
 
 from __future__ import annotations

@@ -122,7 +122,8 @@ def _summary(state: RunState, history: History | None) -> str:
                 "<p>The time left is an estimate: from the dt reached, the time that the last"
                 f" design updates took, and stored runs, which took about {TYPICAL_UPDATES} design"
                 " updates. In the second half of their time it was within a factor of four for"
-                " them, in the first half up to ten times too low.</p>"
+                " them, in the first half up to ten times too low; for runs that continue from a"
+                " finished design it was up to ten times too high.</p>"
             )
     return numbers(cards) + note
 
