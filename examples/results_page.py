@@ -25,6 +25,7 @@ from figures import RUNS
 
 from ngspring import Design, gallery
 from ngspring.files import write_text
+from ngspring.problem import worst_deviation
 
 HERE = Path(__file__).parent
 PAGE = HERE / "README.md"
@@ -50,7 +51,7 @@ def table(header: Row, rows: Iterable[Row]) -> str:
 
 def forces(design: Design) -> tuple[str, str, float]:
     """Targets, forces reached (dilated control points in brackets) and the largest deviation."""
-    targets, reached, worst = [], [], 0.0
+    targets, reached = [], []
     for point, q in zip(design.problem.control_points, design.info["q"], strict=True):
         text = f"{q:.4f}" if abs(q) < 50 else f"{q:.2f}"
         if point.eta:
@@ -59,7 +60,8 @@ def forces(design: Design) -> tuple[str, str, float]:
         else:
             targets.append(f"{point.q:g} at {point.d:g}")
             reached.append(text)
-            worst = max(worst, abs(q / point.q - 1))
+    worst = worst_deviation(design.problem.control_points, design.info["q"])
+    assert worst is not None
     return ", ".join(targets), ", ".join(reached), worst
 
 

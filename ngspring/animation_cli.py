@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ngspring.arguments import read_design
-from ngspring.errors import DesignFileError, ProblemError
+from ngspring.arguments import displacements_between, read_design
+from ngspring.errors import DesignFileError
 from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
@@ -72,15 +71,11 @@ def animate_command(
         return 0
 
     from ngspring.response import load_displacement
-    from ngspring.states import curve_displacements
 
     design, path = read_design(name)
     film = _film(path, kind) if out is None else out
-    for option, value in (("--from", low), ("--to", high)):
-        if value is not None and not math.isfinite(value):
-            raise ProblemError(f"{option} {value} must be a finite number")
+    displacements = {0.0, *displacements_between(design, low, high, points)}
     check_film(film)
-    displacements = {0.0, *curve_displacements(design, low, high, points)}
     # The symmetric path is the same on the full domain, at ten times the cost.
     response = load_displacement(design, displacements, "quarter", threads=threads)
     animate_deformation(design, response, film, 12.0 if fps is None else fps)

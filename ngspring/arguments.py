@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ngspring.cases import cases, get_case
-from ngspring.errors import RunFolderError
+from ngspring.errors import ProblemError, RunFolderError
 from ngspring.problem import SpringProblem
 
 if TYPE_CHECKING:
     from ngspring.design import Design
+    from ngspring.splines import FloatArray
 
 
 def read_problem(text: str) -> tuple[SpringProblem, str]:
@@ -91,6 +93,24 @@ def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, st
     if text == "random":
         return Design.random(problem, seed), f"random, seed {seed}"
     return read_design(text)[0], f"design {text}"
+
+
+def displacements_between(
+    design: Design, low: float | None, high: float | None, points: int
+) -> FloatArray:
+    """Evenly spaced displacements in mm for ``--from``, ``--to`` and ``--points``.
+
+    Raises
+    ------
+    ProblemError
+        If an end is not a finite number.
+    """
+    from ngspring.states import curve_displacements
+
+    for option, value in (("--from", low), ("--to", high)):
+        if value is not None and not math.isfinite(value):
+            raise ProblemError(f"{option} {value} must be a finite number")
+    return curve_displacements(design, low, high, points)
 
 
 def make_folder(folder: Path) -> None:

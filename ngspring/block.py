@@ -76,6 +76,18 @@ def uniaxial_stress(stretch: float, K: float, G: float, *, axisymmetric: bool = 
     return axial / stretch
 
 
+def block_stress(problem: SpringProblem, d: float) -> float:
+    """Axial first Piola-Kirchhoff stress in MPa of the full solid block at a displacement d in mm.
+
+    Raises
+    ------
+    ProblemError
+        If d is not larger than -H.
+    """
+    stretch = 1 + d / problem.H
+    return uniaxial_stress(stretch, problem.K, problem.G, axisymmetric=problem.axisymmetric)
+
+
 def block_force(problem: SpringProblem, d: float) -> float:
     """Reaction force in N of the full solid block at a displacement d in mm.
 
@@ -84,6 +96,4 @@ def block_force(problem: SpringProblem, d: float) -> float:
     ProblemError
         If d is not larger than -H.
     """
-    stretch = 1 + d / problem.H
-    stress = uniaxial_stress(stretch, problem.K, problem.G, axisymmetric=problem.axisymmetric)
-    return stress * top_area(problem)
+    return block_stress(problem, d) * top_area(problem)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from ngspring.campaign import Run
 from ngspring.errors import ConvergenceError, DesignFileError, NgspringError, RunFolderError
+from ngspring.problem import worst_deviation
 
 if TYPE_CHECKING:
     from ngspring.design import Design
@@ -78,13 +79,7 @@ class Outcome:
     @property
     def worst_deviation(self) -> float | None:
         """Largest relative deviation of a force from its target, for points without eta."""
-        points = self.run.problem.control_points[: len(self.q)]
-        far = [
-            abs(q / point.q - 1)
-            for q, point in zip(self.q, points, strict=True)
-            if point.q and not point.eta
-        ]
-        return max(far, default=None)
+        return worst_deviation(self.run.problem.control_points, self.q)
 
     @classmethod
     def of_design(cls, run: Run, design: Design, status: str, message: str) -> Outcome:

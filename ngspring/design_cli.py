@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ngspring.arguments import make_folder, read_design
+from ngspring.arguments import displacements_between, make_folder, read_design
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.options import FAILED, NOT_CONVERGED, OK, domain_option, threads_option
 
@@ -42,13 +41,9 @@ def response_command(
     from ngspring.plots import response_figure, save_figure
     from ngspring.report import response_csv, response_lines
     from ngspring.response import load_displacement
-    from ngspring.states import curve_displacements
 
     design, path = read_design(name)
-    for option, value in (("--from", low), ("--to", high)):
-        if value is not None and not math.isfinite(value):
-            raise ProblemError(f"{option} {value} must be a finite number")
-    displacements = curve_displacements(design, low, high, points)
+    displacements = displacements_between(design, low, high, points)
     response = load_displacement(design, displacements, domain, threads=threads)
     for line in response_lines(response):
         click.echo(line)

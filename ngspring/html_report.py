@@ -24,7 +24,7 @@ from ngspring.history import History
 from ngspring.html_page import badge, numbers, page, picture, table
 from ngspring.labels import width_symbol
 from ngspring.plots import convergence_figure, density_figure
-from ngspring.problem import SpringProblem
+from ngspring.problem import SpringProblem, worst_deviation
 from ngspring.progress import deviation, duration
 from ngspring.report_plots import forces_figure, reached_figure
 from ngspring.runstate import RUNNING, RunState, forces_of, stored_state
@@ -323,12 +323,8 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
         return state, *[_NO_NUMBER] * 6
     design, history, forces = state.design, state.design.history, forces_of(state.design)
     width = f"{design.equivalent_width / design.problem.H:.4f}"
-    far = [
-        abs(q / point.q - 1)
-        for q, point in zip(forces or (), design.problem.control_points, strict=False)
-        if point.q and not point.eta
-    ]
-    worst = f"{100 * max(far):.3f} %" if far else _NO_NUMBER
+    far = worst_deviation(design.problem.control_points, forces or ())
+    worst = _NO_NUMBER if far is None else f"{100 * far:.3f} %"
     status = f"{state.status}: {state.reason}" if state.reason else state.status
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER

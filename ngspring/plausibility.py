@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ngspring.block import block_force, uniaxial_stress
+from ngspring.block import block_force, block_stress
 from ngspring.material import nu_advice, young_and_poisson
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.scaling import top_area, with_similar_weights
@@ -175,9 +175,7 @@ def strut_forces(problem: SpringProblem, d: float) -> tuple[float, float]:
         Size of its force at d as long as it is straight, and Euler's load with clamped ends.
     """
     width = 2 * max(problem.l_i, problem.h_x)
-    stress = uniaxial_stress(
-        1 + d / problem.H, problem.K, problem.G, axisymmetric=problem.axisymmetric
-    )
+    stress = block_stress(problem, d)
     E, nu = young_and_poisson(problem.K, problem.G)
     if problem.axisymmetric:
         area, bending = math.pi / 4 * width**2, E * math.pi / 64 * width**4

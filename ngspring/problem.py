@@ -110,6 +110,19 @@ class ControlPoint:
             raise _refuse("weight", self.weight, "positive")
 
 
+def worst_deviation(points: Iterable[ControlPoint], forces: Iterable[float]) -> float | None:
+    """Largest relative deviation of a force from its target, for points without eta.
+
+    None if there is no force yet, or no target to compare it with.
+    """
+    far = [
+        abs(q / point.q - 1)
+        for point, q in zip(points, forces, strict=False)
+        if point.q and not point.eta
+    ]
+    return max(far, default=None)
+
+
 @dataclass(frozen=True)
 class SpringProblem:
     """A spring to be designed, with the parameters of Table 1.
