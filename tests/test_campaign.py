@@ -49,7 +49,15 @@ def one(text: str) -> Run:
 
 
 # Why is said in examples/README.md.
-STARTS = {"C1": "run C2", "C7-random": "random, seed 0", "T5": "run T4", "T6": "run T5"}
+STARTS = {
+    "C1": "run C2",
+    "C5": "run C4",
+    "C6": "run C5",
+    "C7-random": "random, seed 0",
+    "T5": "run T4",
+    "T6": "run T5",
+    "CT1": "run CT2",
+}
 
 
 def test_the_gallery_has_its_26_runs() -> None:
