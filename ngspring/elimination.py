@@ -45,7 +45,8 @@ class Elimination:
         self.iterations = 0
         self._mechanics: Mechanics | None = None
 
-    def _body(self, chi: FloatArray, eta: float) -> Mechanics:
+    def body(self, chi: FloatArray, eta: float) -> Mechanics:
+        """The mechanics of a chi (dofs of the scalar space), dilated by eta."""
         system = self.system
         if self._mechanics is None:
             self._mechanics = Mechanics(system.scalar, chi, eta, system.solver, system.threads)
@@ -64,7 +65,7 @@ class Elimination:
         chi = system.extraction_chi @ new.chi
         u, lam = new.u.copy(), new.lam.copy()
         for j, point in enumerate(system.points):
-            body = self._body(chi, point.eta)
+            body = self.body(chi, point.eta)
             scale = abs(point.q) + 1e-4 * force_unit(system.problem)
             force = body.forces(point.d, new.u[j])
             # A NaN is an inverted element and fails this test.

@@ -1,13 +1,13 @@
 """Pseudo-time integration of the design to an exact stationary point (2.4, 2.7).
 
-Each design update solves the coupled system by backward Euler over dt. Few Newton iterations make
-the next dt larger, a failed update is repeated with a smaller one. Once dt > 1e20 (in units of the
-paper's domain) the transient term is removed and a last update gives the exact saddle point.
+Each design update solves the coupled system by backward Euler over dt, or takes a single iteration
+of it that makes C smaller (`ngspring.stepping`). After an easy update the next dt is larger, a
+failed one is repeated with a smaller dt. In the end the transient term is removed and a last
+update, iterated to convergence, gives the exact saddle point.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import numbers
 import time
@@ -29,17 +29,17 @@ from ngspring.checkpoint import (
     locked,
 )
 from ngspring.design import Design, equivalent_width
-from ngspring.elimination import Elimination
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
 from ngspring.kkt import CoupledSystem, State
-from ngspring.newton import NewtonResult, NewtonSettings, solve_update
+from ngspring.newton import NewtonSettings
 from ngspring.problem import SpringProblem, shown
 from ngspring.snapshots import SnapshotRecorder
 from ngspring.splines import FloatArray
 from ngspring.start import Start, initial_state, start_design
-from ngspring.steprule import StepRule, time_unit
+from ngspring.stepping import Stepper, make_stepper
+from ngspring.steprule import MixedRule, StepRule, time_unit
 from ngspring.threads import parallel
 
 logger = logging.getLogger(__name__)
@@ -71,9 +71,6 @@ class Update:
 
 #: Returns to the path from rest before a run gives up, and dt after each (times `time_unit`).
 RETURNS, DT_RETURN = 3, 1e4
-
-#: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
-POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
 
 Observer = Callable[[Update], None]
 
@@ -113,7 +110,7 @@ def optimize(
     resume: bool = False,
     threads: int | None = None,
     solver: str = "auto",
-    rule: StepRule | None = None,
+    rule: MixedRule | StepRule | None = None,
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
 ) -> Result:
@@ -139,8 +136,11 @@ def optimize(
         All available ones by default.
     solver : str
         See `ngspring.linear.make_factorization`.
-    rule, newton : optional
-        Step rule and Newton settings.
+    rule : MixedRule or StepRule, optional
+        How dt changes, and whether single iterations may help out (`MixedRule`, the default) or
+        every update is iterated to convergence as in the paper (`StepRule`).
+    newton : NewtonSettings, optional
+        Of the updates that are iterated to convergence.
     start_name : str, optional
         Name of the start for the design's notes.
 
@@ -165,7 +165,7 @@ def optimize(
             raise ProblemError(f"{name} = {shown(value)} must be an integer of at least 1")
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
-    run = _Run(problem, rule or StepRule(), newton or NewtonSettings(), tuple(observers))
+    run = _Run(problem, rule or MixedRule(), newton or NewtonSettings(), tuple(observers))
     run.max_updates = max_updates
     if out is None:
         with parallel(threads) as count:
@@ -187,7 +187,7 @@ def optimize(
                     run.begin(initial, dt_initial, start_name, solver, count)
                 else:
                     run.restore(checkpoint)
-                    run.system = CoupledSystem(problem, solver, count)
+                    run.use(CoupledSystem(problem, solver, count))
                     run.tell_restored()
                 return run.loop()
         except KeyboardInterrupt:
@@ -208,7 +208,7 @@ class _Run:
     def __init__(
         self,
         problem: SpringProblem,
-        rule: StepRule,
+        rule: MixedRule | StepRule,
         newton: NewtonSettings,
         observers: tuple[Observer, ...],
     ) -> None:
@@ -220,7 +220,7 @@ class _Run:
         self.folder: Path | None = None
         self.max_updates: int | None = None
         self.system: CoupledSystem | None = None
-        self.elimination: Elimination | None = None
+        self.stepper: Stepper | None = None
         self.rows: list[dict[str, float]] = []
         self.ended: dict[str, str] = {}
         self.seconds_before = 0.0
@@ -238,13 +238,19 @@ class _Run:
     ) -> None:
         design = start_design(self.problem, initial)
         self.start = start_name or ("column" if initial is None else "given")
-        self.system = CoupledSystem(self.problem, solver, threads)
+        self.use(CoupledSystem(self.problem, solver, threads))
+        assert self.system is not None
         self.state = initial_state(self.system, design)
         self.previous, self.dt_previous = self.state, 0.0
         self.dt = self.unit if dt_initial is None else dt_initial
         self.rows = [self._row(0.0, 0, 0, 0)]
         self._save()
         self._tell(True, self.dt, "")
+
+    def use(self, system: CoupledSystem) -> None:
+        """Take the steps with this system."""
+        self.system = system
+        self.stepper = make_stepper(system, self.newton, self.rule)
 
     def restore(self, checkpoint: Checkpoint) -> None:
         self.state, self.previous = checkpoint.state, checkpoint.previous
@@ -263,8 +269,9 @@ class _Run:
     # -- loop --------------------------------------------------------------------------------------
 
     def loop(self) -> Result:
+        assert self.stepper is not None
         rejected = rejected_iterations = 0
-        end = self.rule.end * self.unit
+        end = self.stepper.rule.end * self.unit
         while True:
             if self.max_updates is not None and len(self.rows) > self.max_updates:
                 message = f"stopped after {self.max_updates} design updates, as asked"
@@ -272,7 +279,7 @@ class _Run:
                 self.write()
                 return self.result(False, message)
             dt = np.inf if self.dt > end else self.dt
-            outcome = self._update(dt)
+            outcome = self.stepper.update(self.state, dt, rejected, self._iterations_before())
             if outcome.converged and np.isinf(dt):
                 try:
                     if self._returned(outcome.state):
@@ -284,7 +291,7 @@ class _Run:
                 self.previous, self.dt_previous = self.state, dt
                 self.state = outcome.state
                 self.rows.append(self._row(dt, outcome.iterations, rejected, rejected_iterations))
-                self.dt = self.rule.grown(dt, outcome.iterations, rejected)
+                self.dt = self.stepper.grown(dt, outcome, rejected, self._calm())
                 rejected = rejected_iterations = 0
                 self._save()
                 self._tell(True, dt, "")
@@ -295,9 +302,26 @@ class _Run:
             rejected += 1
             rejected_iterations += outcome.iterations
             self._tell(False, dt, outcome.reason)
-            self.dt = min(self.dt, end) / self.rule.shrink
-            if not self.dt >= self.rule.smallest * self.unit:
+            if np.isinf(self.dt):
+                # The end was tried too early, after an update whose dt could have grown.
+                self.dt = 2 * self.dt_previous
+            else:
+                self.dt = self.stepper.shrunk(min(self.dt, end), rejected)
+            if not self.dt >= self.stepper.rule.smallest * self.unit:
                 return self._failed(f"dt fell below {self.dt:.1e}: {outcome.reason}")
+
+    def _iterations_before(self) -> int:
+        """Newton iterations of the last accepted update."""
+        return int(self.rows[-1]["newton_iterations"])
+
+    def _calm(self) -> int:
+        """How many updates in a row were accepted at once."""
+        calm = 0
+        for row in reversed(self.rows[1:]):
+            if row["rejected"]:
+                break
+            calm += 1
+        return calm
 
     def _failed(self, message: str) -> Result:
         self.ended = {"failed": message}
@@ -326,23 +350,6 @@ class _Run:
         self._save()
         self._tell(True, 0.0, "")
         return True
-
-    def _update(self, dt: float) -> NewtonResult:
-        assert self.system is not None
-        if self.elimination is None or self.elimination.system is not self.system:
-            self.elimination = Elimination(self.system)
-        outcome = solve_update(
-            self.system, self.state, self.state.chi, dt, self.newton, self.elimination
-        )
-        return self._polished(outcome) if outcome.converged and np.isinf(dt) else outcome
-
-    def _polished(self, outcome: NewtonResult) -> NewtonResult:
-        """The exact stationary point to rounding: two more Newton iterations, if they help."""
-        assert self.system is not None
-        again = solve_update(self.system, outcome.state, outcome.state.chi, np.inf, POLISHING)
-        better = again if again.optimality < outcome.optimality else outcome
-        iterations = outcome.iterations + again.iterations
-        return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
 
     def _row(
         self, dt: float, iterations: int, rejected: int, rejected_iterations: int

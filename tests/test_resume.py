@@ -225,7 +225,7 @@ def test_resuming_a_finished_run_returns_it_without_computing(
         raise AssertionError("computed")
 
     monkeypatch.setattr("ngspring.evolution.CoupledSystem", compute)
-    monkeypatch.setattr("ngspring.evolution.solve_update", compute)
+    monkeypatch.setattr("ngspring.stepping.solve_update", compute)
     result = resume(whole[1])
     assert result.converged
     np.testing.assert_array_equal(result.design.coefficients, whole[0].design.coefficients)
