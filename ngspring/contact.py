@@ -119,7 +119,7 @@ class Contact:
         planes: tuple[Plane, ...],
         law: ContactLaw,
         measure: Callable[[FloatArray], FloatArray],
-        count: int = 6,
+        count: int = 10,
     ) -> None:
         self.surface = surface
         self.planes = planes

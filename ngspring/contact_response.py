@@ -54,7 +54,7 @@ class ContactSettings:
 
     stiffness: float = 5e4
     smoothing: float = 1e-5
-    points: int = 6
+    points: int = 10
     solver: str = "auto"
 
     def __post_init__(self) -> None:

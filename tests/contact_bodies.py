@@ -105,10 +105,10 @@ def mechanics_of(
     return ContactMechanics(solid, contact, Skeleton(mesh, "surface"), size)
 
 
-def two_blocks(gap: float = 0.05) -> Any:
-    """Two blocks of 10 x 5 mm one above the other, meshed differently."""
+def two_blocks(gap: float = 0.05, sizes: tuple[float, float] = (1.3, 0.9)) -> Any:
+    """Two blocks of 10 x 5 mm one above the other, with elements of these sizes."""
     lower, upper = rectangle(0, 0, 10, 5), rectangle(0, 5 + gap, 10, 5)
-    lower.maxh, upper.maxh = 1.3, 0.9
+    lower.maxh, upper.maxh = sizes
     for block, low, high in ((lower, "bottom", "surface"), (upper, "surface", "top")):
         for edge in block.edges:
             low_end, high_end = edge.bounding_box
@@ -119,7 +119,7 @@ def two_blocks(gap: float = 0.05) -> Any:
             edge.name = side if flat else "left" if at_left else "surface"
     from netgen.occ import Compound
 
-    return meshed(Compound([lower, upper]), 2.0)
+    return meshed(Compound([lower, upper]), 5.0)
 
 
 def half_cylinder(radius: float, near: float, maxh: float) -> Any:

@@ -57,6 +57,8 @@ STARTS = {
     "T5": "run T4",
     "T6": "run T5",
     "CT1": "run CT2",
+    "A2": "run A1",
+    "A3": "run A4",
 }
 
 
