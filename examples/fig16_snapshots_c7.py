@@ -18,7 +18,7 @@ from importlib.resources import as_file, files
 
 from figures import Options, read_options, recompute, save
 
-from ngspring.plots import snapshots_figure
+from ngspring.rows_plot import snapshots_figure
 from ngspring.snapshots import Snapshots
 
 NAMES = ("C7", "C7-random")

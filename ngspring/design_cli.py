@@ -67,8 +67,9 @@ def response_command(
 @threads_option
 def show_command(name: str, out: Path | None, threads: int | None) -> int:
     """Summary and picture of a design: a file, a run folder, or the name of a stored design."""
-    from ngspring.plots import design_figure, save_figure
+    from ngspring.plots import save_figure
     from ngspring.report import design_lines, make_console, points_table
+    from ngspring.rows_plot import design_figure
     from ngspring.states import control_point_responses, curve_displacements, reached
 
     design, path = read_design(name)

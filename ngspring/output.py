@@ -8,8 +8,9 @@ from ngspring.checkpoint import DESIGN, HISTORY
 from ngspring.evolution import Result
 from ngspring.files import write_text
 from ngspring.html_report import REPORT, write_report
-from ngspring.plots import convergence_figure, design_figure, save_figure
+from ngspring.plots import convergence_figure, save_figure
 from ngspring.report import response_csv
+from ngspring.rows_plot import design_figure
 from ngspring.runstate import RESPONSE, STATES, read_run
 from ngspring.states import at_control_points, control_point_responses, curve_displacements
 from ngspring.vtu import write_vtu

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,11 +24,12 @@ from ngspring.labels import point_label, width_symbol
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response
 from ngspring.splines import FloatArray
-from ngspring.states import Curve, Responses, by_offset, full_displacement, index_of, interpolation
+from ngspring.states import Curve, interpolation
 
 _CELLS = 320
 _VOID = 0.02
-_SMALL = 8
+#: Font size of small print.
+SMALL = 8
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -77,7 +77,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             xytext=(-4, 0),
             textcoords="offset points",
             ha="right",
-            fontsize=_SMALL,
+            fontsize=SMALL,
         )
     _draw_log(axes[1], update, history["C"], "C", color="black", marker=".")
     for j, point in enumerate(problem.control_points):
@@ -93,7 +93,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             markevery=max(1, len(update) // 25),
             label=point_label(point),
         )
-    axes[2].legend(fontsize=_SMALL, loc="upper right")
+    axes[2].legend(fontsize=SMALL, loc="upper right")
     axes[3].plot(update, history["width"], color="black", marker=".", markersize=3, linewidth=1)
     axes[3].set_ylabel(f"V as {width_symbol(problem)}")
     axes[3].set_xlabel("design update")
@@ -130,7 +130,7 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     axes = figure.subplots()
     draw_curve(axes, response, problem)
     title = "\n".join([problem.name or "spring", *textwrap.wrap(response.message, 70)])
-    axes.set_title(title, fontsize=10 if response.complete else _SMALL)
+    axes.set_title(title, fontsize=10 if response.complete else SMALL)
     return figure
 
 
@@ -143,7 +143,7 @@ def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: Sprin
         axes.plot(
             curve.d, curve.q, color="black", linewidth=1.3, linestyle=_LINES[k % 4], label=name
         )
-    plain, offset = _by_kind(problem)
+    plain, offset = control_points_by_kind(problem)
     for points, fill, name in ((plain, "0.6", "target"), (offset, "none", "target, offset chi")):
         if points:
             axes.plot(
@@ -160,10 +160,10 @@ def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: Sprin
     axes.set_ylabel("q [N]")
     axes.grid(color="0.92")
     axes.margins(0.06)
-    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.legend(fontsize=SMALL, loc="upper left")
 
 
-def _by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
+def control_points_by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
     """Control points of the blueprint design, and those with an offset of chi."""
     plain = [point for point in problem.control_points if not point.eta]
     return plain, [point for point in problem.control_points if point.eta]
@@ -191,7 +191,7 @@ def curves_figure(
         response = responses[name]
         grey = str(0.45 * (k % 2))
         axes.plot(response.d, response.q, color=grey, linestyle=_LINES[k % 4], linewidth=1.3)
-        points = _by_kind(design.problem)[0]
+        points = control_points_by_kind(design.problem)[0]
         places = [point.d for point in points], [point.q for point in points]
         axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
         last = max(points, key=lambda point: abs(point.d))
@@ -202,11 +202,11 @@ def curves_figure(
             textcoords="offset points",
             ha="left" if last.d > 0 else "right",
             va="center",
-            fontsize=_SMALL + 1,
+            fontsize=SMALL + 1,
         )
     missing = [name for name, design in designs.items() if design is None]
     if missing:
-        axes.set_title(f"not in the gallery: {', '.join(missing)}", fontsize=_SMALL)
+        axes.set_title(f"not in the gallery: {', '.join(missing)}", fontsize=SMALL)
     axes.set_xlabel("d [mm]")
     axes.set_ylabel("q [N]")
     axes.grid(color="0.92")
@@ -264,6 +264,12 @@ def draw_design(
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
 
 
+def ratio_text(design: Design) -> str:
+    """Equivalent width (diameter) over height, for a title."""
+    problem = design.problem
+    return f"{width_symbol(problem)} = {design.equivalent_width / problem.H:.4f}"
+
+
 def density_figure(design: Design) -> Figure:
     """The density rho of a design with its scale and the symmetry axes (Fig. 2)."""
     problem = design.problem
@@ -278,277 +284,8 @@ def density_figure(design: Design) -> Figure:
     axes.set_aspect("equal")
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
-    axes.set_title(_ratio(design), fontsize=10)
+    axes.set_title(ratio_text(design), fontsize=10)
     return figure
-
-
-# -- rows of designs (Figs. 5, 7-11, 14, 16) -------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """One state of a design in a row of pictures.
-
-    Attributes
-    ----------
-    title : str
-        One or two lines.
-    design : Design, optional
-        Nothing is drawn without it.
-    d : float
-        Displacement of the top side in mm.
-    displacement : array, optional
-        See `draw_design`.
-    eta : float
-        Offset of chi.
-    note : str
-        What to write in place of a picture.
-    """
-
-    title: str
-    design: Design | None = None
-    d: float = 0.0
-    displacement: FloatArray | None = None
-    eta: float = 0.0
-    note: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """A row of states, and curves by name at its end (none: no diagram).
-
-    Attributes
-    ----------
-    panels : sequence of Panel
-    problem : SpringProblem, optional
-        Its targets are marked in the diagram.
-    curves : mapping from name to Response
-    """
-
-    panels: Sequence[Panel]
-    problem: SpringProblem | None
-    curves: Mapping[str, Response]
-
-
-def design_figure(design: Design, responses: Responses, curve: Response) -> Figure:
-    """Undeformed design, deformed states at all control points, and the curve.
-
-    Parameters
-    ----------
-    design : Design
-    responses : Response, or mapping from eta to Response
-        Holds the states at the control points.
-    curve : Response
-        Points of the load-displacement curve.
-    """
-    problem = design.problem
-    name = problem.name or "design"
-    panels = _state_panels(name, design, responses, problem.control_points)
-    return rows_figure([Row(panels, problem, {"response": curve})], height=2.2)
-
-
-def gallery_figure(
-    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
-) -> Figure:
-    """One row per design, as in Figs. 5 and 7-11.
-
-    Undeformed, deformed at the control points of the blueprint design, and the curve.
-
-    Parameters
-    ----------
-    designs : mapping from name to Design
-        None for one that is missing; its row is empty and says so.
-    responses : mapping from name to Response
-        Curves of the designs that are there, with the states at the control points.
-    """
-    rows = []
-    for name, design in designs.items():
-        if design is None:
-            rows.append(Row([Panel(name, note="not in\nthe gallery")], None, {}))
-            continue
-        plain = _by_kind(design.problem)[0]
-        panels = _state_panels(name, design, responses[name], plain)
-        problem = design.problem.replace(control_points=plain)
-        rows.append(Row(panels, problem, {"response": responses[name]}))
-    return rows_figure(rows)
-
-
-def robust_figure(
-    designs: Mapping[str, tuple[Design | None, Design | None]],
-    responses: Mapping[str, tuple[Response | None, Response | None]],
-) -> Figure:
-    """Robust design, states of the one that is not, and the curves of both (Fig. 14).
-
-    Parameters
-    ----------
-    designs : mapping from name to (robust, not robust)
-        None for one that is missing.
-    responses : mapping from name to (robust, not robust)
-        Their curves for eta = 0, with the states at the control points.
-    """
-    rows = []
-    for name, (robust, plain) in designs.items():
-        curves = {}
-        panels = []
-        problem = None
-        for design, response, kind in zip(
-            (robust, plain), responses[name], ("robust", "not robust"), strict=True
-        ):
-            title = f"{name}, {kind}"
-            if design is None or response is None:
-                panels.append(Panel(title, note="not in\nthe gallery"))
-                continue
-            points = _by_kind(design.problem)[0]
-            problem = design.problem.replace(control_points=points)
-            curves[kind] = response
-            shown = points if kind == "not robust" else []
-            panels += _state_panels(title, design, response, shown)
-        rows.append(Row(panels, problem, curves))
-    return rows_figure(rows)
-
-
-def snapshots_figure(
-    runs: Mapping[str, Mapping[int, Design]], updates: Sequence[int] | None = None
-) -> Figure:
-    """Designs on the way of several evolutions, one row each (Fig. 16).
-
-    Parameters
-    ----------
-    runs : mapping from name to designs by design update
-        An empty one leaves a row that says so.
-    updates : sequence of int, optional
-        Which of them to show, besides the last of each run; all by default.
-    """
-    rows = []
-    for name, designs in runs.items():
-        panels = [
-            Panel(f"{name}, update {update}\n{_ratio(design)}", design)
-            for update, design in designs.items()
-            if updates is None or update in updates or update == max(designs)
-        ]
-        rows.append(Row(panels or [Panel(name, note="no\nsnapshots")], None, {}))
-    return rows_figure(rows)
-
-
-def _ratio(design: Design) -> str:
-    problem = design.problem
-    return f"{width_symbol(problem)} = {design.equivalent_width / problem.H:.4f}"
-
-
-def _state_panels(
-    name: str, design: Design, responses: Responses, points: Sequence[ControlPoint]
-) -> list[Panel]:
-    """The undeformed design, then its states at some control points."""
-    panels = [Panel(f"{name}\n{_ratio(design)}", design)]
-    for point in points:
-        response = by_offset(responses).get(point.eta)
-        index = None if response is None else index_of(response, point.d)
-        label = point_label(point)
-        if response is None or index is None:
-            panels.append(Panel(f"{label}\nnot reached", None, point.d))
-            continue
-        title = f"{label}\nq = {response.q[index]:.4g} N (target {point.q:g})"
-        u = full_displacement(response, index)
-        panels.append(Panel(title, design, point.d, u, point.eta))
-    return panels
-
-
-def rows_figure(rows: Sequence[Row], height: float = 1.75) -> Figure:
-    """Rows of states and curves, all states on one scale so that they can be compared.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-    height : float
-        Height of a state in inches, less where it would be wider than 4 inches.
-
-    Raises
-    ------
-    NgspringError
-        If there is no state to draw.
-    """
-    panels = [panel for row in rows for panel in row.panels]
-    drawn = [panel.design.problem for panel in panels if panel.design is not None]
-    if not drawn:
-        raise NgspringError("there is no design to draw")
-    L, H = max(problem.L for problem in drawn), max(problem.H for problem in drawn)
-    figure = new_figure(10.0, 3.2, constrained=False)
-
-    def new_axes() -> Axes:
-        return figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(len(figure.axes)))
-
-    states, diagrams = [], []
-    left, right = -0.03 * L, 1.03 * L
-    for row in rows:
-        states.append([new_axes() for _ in row.panels])
-        for axes, panel in zip(states[-1], row.panels, strict=True):
-            axes.set_title(panel.title, fontsize=_SMALL + 1)
-            if panel.design is not None:
-                extent = draw_design(axes, panel.design, panel.displacement, panel.eta)
-                left, right = min(left, extent[0]), max(right, extent[1])
-        diagrams.append(new_axes() if row.curves else None)
-    low, high = -0.03 * H, H + max(0.0, *(panel.d for panel in panels)) + 0.03 * H
-    scale = min(height / (high - low), 4.0 / (right - left))
-    panel_width, panel_height = scale * (right - left), scale * (high - low)
-
-    # All lengths in inches from here on.
-    first, gap, curve_width, below, above = 0.55, 0.12, 1.32 * height, 0.5, 0.5
-    columns = max(len(row.panels) for row in rows)
-    gap = max(gap, 1.75 - panel_width)  # a title is up to 1.65 inches wide
-    after = first + columns * (panel_width + gap) + 0.6
-    width = after + curve_width + 0.15 if any(diagrams) else after - 0.6 + 0.15
-    row_height = height + above
-    total = below + len(rows) * row_height
-    figure.set_size_inches(width, total)
-    lowest = max(i for i, row in enumerate(rows) if any(panel.design for panel in row.panels))
-    for i, (row, row_states, diagram) in enumerate(zip(rows, states, diagrams, strict=True)):
-        bottom = below + (len(rows) - 1 - i) * row_height
-        for k, (axes, panel) in enumerate(zip(row_states, row.panels, strict=True)):
-            x, y = first + k * (panel_width + gap), bottom + (height - panel_height) / 2
-            axes.set_position((x / width, y / total, panel_width / width, panel_height / total))
-            axes.set_xlim(left, right)
-            axes.set_ylim(low, high)
-            problem = drawn[0] if row.problem is None else row.problem
-            _finish_panel(axes, panel, problem, leftmost=k == 0, lowest=i == lowest)
-        if diagram is not None and row.problem is not None:
-            place = after / width, bottom / total, curve_width / width, height / total
-            diagram.set_position(place)
-            draw_curve(diagram, row.curves, row.problem)
-            if len(rows) > 1:
-                diagram.tick_params(labelsize=_SMALL)
-            if i != lowest:
-                diagram.set_xlabel("")
-            if not all(curve.complete for curve in row.curves.values()):
-                diagram.set_title("the path ends early", fontsize=_SMALL)
-    return figure
-
-
-def _finish_panel(
-    axes: Axes, panel: Panel, problem: SpringProblem, leftmost: bool, lowest: bool
-) -> None:
-    axes.set_aspect("equal")
-    for side in axes.spines.values():
-        side.set_visible(False)
-    if panel.note:
-        axes.set_xticks([])
-        axes.set_yticks([])
-        frame = {"boxstyle": "square,pad=1", "facecolor": "none", "edgecolor": "0.6"}
-        place = axes.transAxes
-        axes.text(0.5, 0.5, panel.note, transform=place, ha="center", va="center", bbox=frame)
-        return
-    for y in (0.0, problem.H + panel.d):
-        axes.axhline(y, color="0.3", linewidth=0.8)
-    if panel.d:
-        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
-    if problem.axisymmetric:
-        axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
-    axes.set_xticks([0, problem.L / 2, problem.L])
-    axes.set_yticks([0, problem.H / 2, problem.H])
-    axes.tick_params(labelsize=_SMALL - 1, labelleft=leftmost, labelbottom=lowest)
-    if lowest:
-        axes.set_xlabel("mm", fontsize=_SMALL)
-    if leftmost:
-        axes.set_ylabel("mm", fontsize=_SMALL)
 
 
 # -- erosion and dilation (Fig. 15) ----------------------------------------------------------------
@@ -579,7 +316,7 @@ def offsets_figure(
         )
     below.set_ylabel("E(χ + η)")
     below.set_xlabel("x [mm]")
-    below.legend(fontsize=_SMALL)
+    below.legend(fontsize=SMALL)
     for ax in axes:
         ax.grid(color="0.92")
     figure.align_ylabels(list(axes))

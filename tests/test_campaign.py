@@ -57,14 +57,23 @@ STARTS = {
     "T5": "run T4",
     "T6": "run T5",
     "CT1": "run CT2",
+    "T1": "run T1-coarse",
+    "T2": "run T2-coarse",
+    "T1-not-robust": "run T1-nr-coarse",
+    "T2-not-robust": "run T2-nr-coarse",
+    "CT4": "run CT1",
+    "CT5": "run CT2",
+    "CT6": "run CT3",
     "A2": "run A1",
     "A3": "run A4",
 }
 
 
-def test_the_gallery_has_its_26_runs() -> None:
+def test_the_gallery_has_its_26_runs_and_four_that_are_only_starts() -> None:
     runs = {run.name: run for run in read_campaign(GALLERY).runs}
-    assert list(runs) == [
+    coarse = {name for name in runs if name.endswith("-coarse")}
+    assert coarse == {"T1-coarse", "T2-coarse", "T1-nr-coarse", "T2-nr-coarse"}
+    assert [name for name in runs if name not in coarse] == [
         *(f"C{i}" for i in range(1, 8)),
         "C7-random",
         *(f"T{i}" for i in range(1, 7)),
@@ -72,15 +81,16 @@ def test_the_gallery_has_its_26_runs() -> None:
         *(f"CT{i}" for i in range(1, 7)),
         *(f"A{i}" for i in range(1, 5)),
     ]
-    assert len(runs) == 26
+    assert len(runs) - len(coarse) == 26
     for name, run in runs.items():
-        case = name.split("-")[0]
-        assert run.problem.elements == (160 if case in ("T1", "T2") else 80)
-        if "not-robust" in name:
-            points = cases[case].control_points[:2]
-            assert run.problem == cases[case].replace(control_points=points)
-        else:
-            assert run.problem == cases[case]
+        problem = cases[name.split("-")[0]]
+        if "not-robust" in name or "nr-coarse" in name:
+            problem = problem.replace(control_points=problem.control_points[:2])
+        if name in coarse:
+            problem = problem.replace(elements=80)
+        fine = name.split("-")[0] in ("T1", "T2") and name not in coarse
+        assert run.problem == problem
+        assert run.problem.elements == (160 if fine else 80)
         assert run.start_name == STARTS.get(name, "column")
 
 

@@ -28,7 +28,8 @@ from ngspring import (
     optimize,
 )
 from ngspring.arguments import on_mesh
-from ngspring.plots import offsets_figure, ramp, snapshots_figure
+from ngspring.plots import offsets_figure, ramp
+from ngspring.rows_plot import snapshots_figure
 from ngspring.snapshots import SnapshotRecorder, Snapshots
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

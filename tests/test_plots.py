@@ -16,15 +16,10 @@ import ngspring
 from ngspring.design import Design
 from ngspring.errors import NgspringError, RunFolderError
 from ngspring.history import History
-from ngspring.plots import (
-    convergence_figure,
-    design_figure,
-    new_figure,
-    response_figure,
-    save_figure,
-)
+from ngspring.plots import convergence_figure, new_figure, response_figure, save_figure
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.response import Response
+from ngspring.rows_plot import design_figure
 from ngspring.states import (
     control_point_responses,
     curve_displacements,

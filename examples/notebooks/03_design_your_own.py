@@ -36,7 +36,8 @@ import ngspring
 from ngspring import ControlPoint, SpringProblem
 from ngspring.energies import rho
 from ngspring.fields import design_fields
-from ngspring.plots import convergence_figure, design_figure, draw_curve, draw_design, new_figure
+from ngspring.plots import convergence_figure, draw_curve, draw_design, new_figure
+from ngspring.rows_plot import design_figure
 from ngspring.states import control_point_responses
 
 THREADS = 1  # more on a machine that has nothing else to do

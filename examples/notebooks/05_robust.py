@@ -40,7 +40,8 @@ from ngsolve.webgui import Draw
 import ngspring
 from ngspring.energies import rho
 from ngspring.fields import design_fields
-from ngspring.plots import Panel, Row, draw_design, new_figure, offsets_figure, ramp, rows_figure
+from ngspring.plots import draw_design, new_figure, offsets_figure, ramp
+from ngspring.rows_plot import Panel, Row, rows_figure
 from ngspring.states import force_at, full_displacement, index_of
 
 THREADS = 1  # more on a machine that has nothing else to do

@@ -43,7 +43,8 @@ from ngspring.body import SURFACE
 from ngspring.energies import radius, rho
 from ngspring.fields import design_fields
 from ngspring.outline import outline
-from ngspring.plots import density_figure, design_figure, new_figure
+from ngspring.plots import density_figure, new_figure
+from ngspring.rows_plot import design_figure
 from ngspring.states import control_point_responses
 
 THREADS = 1  # more on a machine that has nothing else to do
