@@ -27,8 +27,6 @@ from ngspring.splines import FloatArray
 
 #: A larger change of chi in one iteration is no step of a quadratic model that anyone should trust.
 LARGEST_CHANGE = 1e3
-#: The least part of the promised decrease of C that a step must bring.
-_LEAST = 0.2
 #: Relative to C: decreases that are promised below this are lost in rounding.
 _ROUNDING = 1e-9
 #: Out of balance by less than this, relative to the target force, stays as the iteration left it.
@@ -84,8 +82,11 @@ class Descent:
         self._given: State | None = None
         self._present: _Evaluated | None = None
 
-    def step(self, state: State, dt: float) -> DescentStep:
-        """One coupled Newton iteration over dt from a state that is (nearly) in equilibrium."""
+    def step(self, state: State, dt: float, least: float = 0.2) -> DescentStep:
+        """One coupled Newton iteration over dt from a state that is (nearly) in equilibrium.
+
+        ``least`` is the part of the promised decrease of C that it must bring.
+        """
         present = self._present
         if present is None or self._given is not state:
             present = self._evaluated(state)
@@ -96,7 +97,7 @@ class Descent:
             return DescentStep(state, False, 0.0, np.inf, str(error))
         visible = promised > _ROUNDING * abs(present.C)
         ratio = (present.C - new.C) / promised if visible else 1.0
-        if not ratio >= _LEAST:
+        if not ratio >= least:
             reason = f"C falls by {ratio:.2g} of what was expected"
             return DescentStep(state, False, ratio, np.inf, reason)
         self._given, self._present = new.state, new

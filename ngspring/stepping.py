@@ -89,7 +89,7 @@ class Mixed(Stepper):
         self._follow = rule.follow * time_unit(system.problem)
         #: Of the last attempt, None after one that was iterated to convergence.
         self._ratio: float | None = None
-        self._single_first = False
+        self._beyond = False
 
     def update(self, state: State, dt: float, rejected: int, before: int) -> NewtonResult:
         """See `Stepper`."""
@@ -101,13 +101,14 @@ class Mixed(Stepper):
                 reason = "the stationary point is not a minimum of C"
                 outcome = dataclasses.replace(outcome, converged=False, reason=reason)
             return outcome
-        # Attempts by turns: converged, single with the same dt, or, where the single ones are
-        # preferred, single, single, converged with the dt of the one before.
-        self._single_first = before == 1 or dt > self._follow
-        converged = rejected % 3 == 2 if self._single_first else rejected % 2 == 0
-        if converged:
+        # Attempts by turns, see `MixedRule`.
+        self._beyond = dt > self._follow
+        third, second = rejected % 3 == 2, (rejected % 2 == 1) == (before == 1)
+        if (self._beyond and third) or (not self._beyond and second):
             return self._euler.update(state, dt, rejected, before)
-        step = self._descent.step(state, dt)
+        step = self._descent.step(
+            state, dt, self._mixed.least if self._beyond else self._mixed.good[0]
+        )
         self._ratio = step.ratio
         return NewtonResult(step.state, step.accepted, 1, step.reason, None, step.optimality)
 
@@ -119,7 +120,7 @@ class Mixed(Stepper):
 
     def shrunk(self, dt: float, rejected: int) -> float:
         """See `Stepper`."""
-        again = rejected % 3 == 2 if self._single_first else rejected % 2 == 1
+        again = rejected % 3 == 2 if self._beyond else rejected % 2 == 1
         return dt if again else dt / self.rule.shrink
 
 

@@ -57,10 +57,11 @@ PAPER_RULE = StepRule(easy=0)
 class MixedRule:
     """How dt changes where single iterations (`ngspring.descent`) help out.
 
-    Updates with dt below ``follow`` are converged ones at first: they follow the flow of the
-    design, which decides to which of several optima it leads. A rejected attempt is repeated as a
-    single iteration, then with a smaller dt, and so on. After a single iteration, and always above
-    ``follow``, single iterations come first, and every third attempt is a converged one.
+    Updates with dt below ``follow`` are converged ones: they follow the flow of the design, which
+    decides to which of several optima it leads. A rejected attempt is repeated as a single
+    iteration, which must be ``good``, then with a smaller dt, and so on; after a single iteration
+    the order is the other one. Above ``follow`` two attempts of three are single iterations, with
+    a smaller dt each, and need only bring the ``least``; the third is a converged one.
 
     Parameters
     ----------
@@ -74,6 +75,8 @@ class MixedRule:
         them after more.
     growth : tuple of float
         See above.
+    least : float
+        See above.
     fair : float
         Where the model is not good, dt stays as it is, but below this ratio it is halved.
     settled : float
@@ -85,6 +88,7 @@ class MixedRule:
     follow: float = 1e10
     good: tuple[float, float] = (0.8, 1.25)
     growth: tuple[float, ...] = (1.0, 1.5, 2.0, 5.0)
+    least: float = 0.2
     fair: float = 0.4
     settled: float = 1e-4
 

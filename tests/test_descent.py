@@ -84,16 +84,24 @@ def test_a_step_that_makes_c_larger_is_rejected_and_leaves_the_state(
     assert step.state is start
 
 
-@pytest.mark.parametrize(("dt", "before", "first"), [(1.0, 4, "all"), (1.0, 1, "one")])
+@pytest.mark.parametrize(
+    ("dt", "before", "expected"),
+    [
+        (1.0, 4, ["all", "one"] * 3),
+        (1.0, 1, ["one", "all"] * 3),
+        (1e12, 4, ["one", "one", "all"] * 2),
+        (1e12, 1, ["one", "one", "all"] * 2),
+    ],
+)
 def test_attempts_take_turns(
     system: CoupledSystem,
     start: State,
     monkeypatch: pytest.MonkeyPatch,
     dt: float,
     before: int,
-    first: str,
+    expected: list[str],
 ) -> None:
-    """Below ``follow`` converged updates come first, unless single ones have taken over."""
+    """Below ``follow`` converged updates come first, unless the last one was a single iteration."""
     calls: list[str] = []
     failed = NewtonResult(start, False, 3, "no", None, np.inf)
 
@@ -104,7 +112,8 @@ def test_attempts_take_turns(
     class Single:
         def __init__(self, system: object) -> None: ...
 
-        def step(self, state: State, dt: float) -> object:
+        def step(self, state: State, dt: float, least: float) -> object:
+            assert least == (0.8 if dt <= 1e10 else 0.2)
             calls.append("one")
             return dataclasses.make_dataclass(
                 "Step", ["state", "accepted", "ratio", "optimality", "reason"]
@@ -118,12 +127,9 @@ def test_attempts_take_turns(
         stepper.update(start, dt, rejected, before)
         tried.append(dt)
         dt = stepper.shrunk(dt, rejected + 1)
-    if first == "all":
-        assert calls == ["all", "one"] * 3
-        assert tried == [1.0, 1.0, 0.25, 0.25, 1 / 16, 1 / 16]
-    else:
-        assert calls == ["one", "one", "all"] * 2
-        assert tried == [1.0, 0.25, 0.25, 1 / 16, 1 / 64, 1 / 64]
+    assert calls == expected
+    steps = [0, 0, 1, 1, 2, 2] if tried[0] == 1.0 else [0, 1, 1, 2, 3, 3]
+    assert tried == [tried[0] / 4**k for k in steps]
 
 
 def test_above_follow_single_iterations_come_first_in_units_of_the_domain(
@@ -134,9 +140,9 @@ def test_above_follow_single_iterations_come_first_in_units_of_the_domain(
     state = initial_state(system, Design.column(problem))
     stepper = make_stepper(system, NewtonSettings(), MixedRule(follow=10.0))
     assert isinstance(stepper, Mixed)
-    for dt, first in ((39.0, False), (41.0, True)):
+    for dt, beyond in ((39.0, False), (41.0, True)):
         stepper.update(state, dt, 0, 4)
-        assert stepper._single_first is first
+        assert stepper._beyond is beyond
     assert isinstance(make_stepper(system, NewtonSettings(), StepRule()), BackwardEuler)
 
 
