@@ -99,7 +99,8 @@ class _StderrHandler(logging.Handler):
 def cli(context: click.Context, verbose: bool, log_file: Path | None) -> None:
     """Design springs with a prescribed nonlinear load-displacement curve.
 
-    Exit codes: 0 done, 1 a check failed, 2 bad input, 3 no convergence, 130 interrupted.
+    Exit codes: 0 done (also when --max-updates ended a run), 1 a check failed, 2 bad input, 3 no
+    convergence, 130 interrupted.
     """
     _start_logging(context, verbose, log_file)
     if context.invoked_subcommand is None:
@@ -140,10 +141,11 @@ def _start_logging(context: click.Context, verbose: bool, log_file: Path | None)
 
 @cli.command("cases")
 def show_cases() -> None:
-    """List the cases of the paper."""
+    """List the cases of the paper, and which have a stored design."""
     from ngspring.report import cases_table, make_console
+    from ngspring.stored import gallery
 
-    make_console().print(cases_table(cases))
+    make_console().print(cases_table(cases, list(gallery)))
 
 
 @cli.command("bench", short_help="Time a coupled Newton iteration here.")

@@ -125,7 +125,14 @@ def _summary(state: RunState, history: History | None) -> str:
                 " them, in the first half up to ten times too low; for runs that continue from a"
                 " finished design it was up to ten times too high.</p>"
             )
-    return numbers(cards) + note
+    symbol = width_symbol(design.problem)
+    kind = "diameter" if design.problem.axisymmetric else "width"
+    legend = (
+        f"<p>{symbol}: {kind} of a straight column with the same volume, over the height. C: the"
+        " objective. dt: pseudo-time step of the evolution, infinite once the design is"
+        " stationary. η: offset of the design field χ, 0 for the part itself.</p>"
+    )
+    return numbers(cards) + note + legend
 
 
 def time_left_text(history: History, problem: SpringProblem) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
 
+from ngspring.cases import cases
 from ngspring.design import Design
 from ngspring.errors import DesignFileError
 from ngspring.problem import nearest, shown
@@ -44,9 +45,14 @@ class Gallery(Mapping[str, Design]):
         names = self._names()
         if name not in names:
             hint = f": did you mean {nearest(str(name), names)!r}?" if names else ""
+            if str(name).upper() in cases:
+                hint = f" for this case yet; there are {', '.join(names)}"
             raise UnknownDesignError(f"there is no stored design {shown(name)}{hint}")
         with as_file(self._folder / f"{name}.npz") as path:
             return Design.load(path)
+
+    def __repr__(self) -> str:
+        return f"<gallery of stored designs: {', '.join(self)}>"
 
     def __contains__(self, name: object) -> bool:
         return name in self._names()

@@ -211,7 +211,10 @@ def test_cases() -> None:
     out = invoke("cases").stdout
     for name in cases:
         assert re.search(rf"│ {name} +│", out)
-    assert len(re.findall("robust", out)) == 2
+    assert len(re.findall("\\(robust", out)) == 2
+    # Stored designs are marked, and those that are no case are named.
+    assert re.search("│ C7 +│ plane strain +│ 80 x 80 +│ stored │", out)
+    assert "C7-random" in out
     assert "+10:+2  -10:-2  -20:-5.5" in out
     assert "axisymmetric" in out
 
@@ -294,6 +297,16 @@ def test_check_passes_a_converged_design(copy: Path) -> None:
     residuals = re.findall(r"│ (\d\.\de-\d\d) │", out.replace("  ", " "))
     assert len(residuals) == 2
     assert max(map(float, residuals)) < 1e-6
+
+
+def test_check_says_how_far_forces_are_off_and_takes_another_limit(copy: Path) -> None:
+    """The stored design of C7 misses by 0.0007 %."""
+    arguments = "check", copy, "--threads", 1, "--force-tolerance"
+    out = " ".join(invoke(*arguments, 1e-5, code=1).stdout.split())
+    assert "forces" in out
+    assert "limit" in out
+    assert "passes" in invoke(*arguments, 0.01).stdout
+    assert "--force-tolerance" in invoke(*arguments, -1.0, code=2).stderr
 
 
 def test_check_fails_what_is_not_optimal(copy: Path, tmp_path: Path) -> None:

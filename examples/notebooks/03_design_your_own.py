@@ -99,10 +99,10 @@ class Watch:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1.3, 1.3))
         draw_design(left, design)
         left.set_title(f"design update {count}", fontsize=10)
-        for j, line in enumerate(("-", "--", "-.")):
+        for j, target in enumerate(targets):
             force = [row[f"q{j + 1}"] for row in self.rows]
-            middle.plot(force, "k" + line)
-            middle.axhline(targets[j].q, color="0.6", linewidth=0.8)
+            middle.plot(force, "k" + ("-", "--", "-.", ":")[j % 4])
+            middle.axhline(target.q, color="0.6", linewidth=0.8)
         middle.set_ylabel("q [N] (grey: targets)")
         right.semilogy([row["C"] for row in self.rows], "k-", label="objective C")
         right.semilogy([row["volume"] for row in self.rows], "k--", label="its volume term")
