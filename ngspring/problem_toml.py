@@ -16,8 +16,8 @@ Table 1. Besides the fields a file may have
   and ``G``, see `ngspring.material`;
 - ``w_q``, the weight of all control points that have none of their own;
 - ``targets = "curve.csv"`` instead of `control_points`, a file beside the TOML file, or a table
-  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, see
-  `ngspring.targets`.
+  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, and with
+  ``compression = true`` if the file counts compression as positive, see `ngspring.targets`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ else:
 
 #: Keys that are not fields.
 FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
-_TARGETS_KEYS = ("file", "points", "at")
+_TARGETS_KEYS = ("file", "points", "at", "compression")
 
 #: Stands in for control points where a problem is only asked for its size.
 NO_TARGET = ControlPoint(5e-324, 0.0)
@@ -156,10 +156,13 @@ def _points_of_curve(
         raise ProblemError(f"targets.points = {shown(points)} is not valid: it must be an integer")
     if at is not None and not isinstance(at, list):
         raise ProblemError(f"targets.at = {shown(at)} is not valid: it must be a list of d in mm")
+    compression = table.get("compression", False)
+    if not isinstance(compression, bool):
+        raise ProblemError(f"targets.compression = {shown(compression)} must be true or false")
     if folder is None:
         raise ProblemError("targets names a file, but this text does not come from a file")
     size = SpringProblem(**{**values, "control_points": (NO_TARGET,)})
-    curve = read_curve(folder / table["file"], size)
+    curve = read_curve(folder / table["file"], size, compression=compression)
     chosen = curve.control_points(points, at)
     return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
 

@@ -103,6 +103,11 @@ def _materials_table() -> Table:
 @click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")
 @click.option("--d-range", help="Of an SVG drawing: d in mm at the left and right, as -20,10.")
 @click.option("--q-range", help="Of an SVG drawing: q in N at the bottom and top, as -6,3.")
+@click.option(
+    "--compression",
+    is_flag=True,
+    help="The curve counts compression as positive, as test machines do: turn both signs.",
+)
 @click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
 @click.option(
     "--write",
@@ -116,6 +121,7 @@ def targets_command(
     at: str | None,
     d_range: str | None,
     q_range: str | None,
+    compression: bool,
     robust: bool,
     out: Path | None,
     **described: float | int | str | None,
@@ -124,7 +130,8 @@ def targets_command(
 
     The curve is a CSV file with columns d and q, or strain and stress, whose header may give
     units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
-    --d-range and --q-range describe. Tension is positive. Sizes not given are the paper's:
+    --d-range and --q-range describe. Tension is positive; of a test that counts compression as
+    positive --compression turns the signs. Sizes not given are the paper's:
     100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
 
     Exit code 1 if the target cannot be met.
@@ -136,13 +143,15 @@ def targets_command(
     remarks: tuple[str, ...] = ()
     text = ""
     if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
-        if given or points or at or robust or out or d_range or q_range:
+        if given or points or at or robust or out or d_range or q_range or compression:
             raise click.UsageError("a problem is checked as it is: options belong to a curve")
         problem = read_problem(curve)[0]
     else:
         name = curve if out is None else out.name
         axes = _axes(curve, d_range, q_range)
-        problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust, axes)
+        problem, remarks, text = _problem_of_curve(
+            curve, name, given, points, at, robust, axes, compression
+        )
     click.echo(_described(problem))
     make_console().print(_points_table(problem))
     for remark in remarks:
@@ -165,6 +174,7 @@ def _problem_of_curve(
     at: str | None,
     robust: bool,
     axes: Axes | None,
+    compression: bool,
 ) -> tuple[SpringProblem, tuple[str, ...], str]:
     """The problem as it would be read from the file that is written, remarks, and that file."""
     from ngspring.material import MATERIAL_KEYS, moduli_from
@@ -180,7 +190,7 @@ def _problem_of_curve(
     if fields.get("kinematics") == "axisymmetric" and "T" in fields:
         raise click.UsageError("an axisymmetric spring has no thickness")
     blank = SpringProblem((NO_TARGET,), name=Path(name).stem).replace(**fields)
-    target = read_curve(curve, blank, axes)
+    target = read_curve(curve, blank, axes, compression)
     chosen = target.control_points(points, None if at is None else _numbers("--at", at))
     problem = with_similar_weights(blank.replace(control_points=chosen))
     if robust:

@@ -3,7 +3,8 @@
 Fields may be separated by semicolons, tabs, commas or blanks; decimals may have a comma where that
 cannot be mistaken; lines that begin with ``#`` are comments. A header names the columns and may
 give a unit in brackets, ``d [mm]``, ``force (kN)``; where the name is not known the unit tells.
-Without a header the first column is d in mm and the second q in N.
+Without a header the first column is d in mm and the second q in N. A name may also tell in which
+direction the test went, ``compression [mm]``.
 """
 
 from __future__ import annotations
@@ -47,6 +48,10 @@ NAMES: dict[str, str] = {
     **dict.fromkeys(("stress", "sigma", "σ"), "stress"),
 }
 
+#: Parts of names, in lower case, of columns that count compression, or tension, as positive.
+_COMPRESSION = ("compress", "crush", "druck", "stauch")
+_TENSION = ("tens", "exten", "elong", "stretch", "zug", "dehn")
+
 _HEADER = re.compile(r"\s*(?P<name>[^\[\](),/]*?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])])?\s*")
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
@@ -63,12 +68,17 @@ class Columns:
         Whether they are strains and stresses.
     remarks : tuple of str
         What was assumed.
+    compression, tension : str
+        The column whose name says that the test was one in compression, or in tension; empty if
+        none does.
     """
 
     x: FloatArray
     y: FloatArray
     stress: bool
     remarks: tuple[str, ...]
+    compression: str = ""
+    tension: str = ""
 
 
 def parse_columns(text: str) -> Columns:
@@ -112,6 +122,7 @@ def parse_columns(text: str) -> Columns:
 def _named(names: Sequence[str], table: FloatArray) -> Columns:
     columns = [_Heading.of(text) for text in names]
     found: dict[str, FloatArray] = {}
+    texts: dict[str, str] = {}
     remarks = []
     by_unit = [c.kind_of_unit for c in columns if not c.kind]
     for k, column in enumerate(columns):
@@ -137,9 +148,18 @@ def _named(names: Sequence[str], table: FloatArray) -> Columns:
                 f"unit {shown(unit)} of column {column.text!r} is not one of {right}"
             )
         found[kind] = table[:, k] * UNITS[kind][unit]
+        texts[kind] = column.text
     for pair in (("d", "q"), ("strain", "stress")):
         if all(kind in found for kind in pair):
-            return Columns(found[pair[0]], found[pair[1]], "stress" in pair, tuple(remarks))
+            used = [texts[kind] for kind in pair]
+            return Columns(
+                found[pair[0]],
+                found[pair[1]],
+                "stress" in pair,
+                tuple(remarks),
+                compression=_first_with(_COMPRESSION, used),
+                tension=_first_with(_TENSION, used),
+            )
     missing = {"d": "q", "q": "d", "strain": "stress", "stress": "strain"}
     for kind in found:
         raise ProblemError(
@@ -149,6 +169,11 @@ def _named(names: Sequence[str], table: FloatArray) -> Columns:
         f"none of the columns {', '.join(names)} is named d (or displacement) and q (or force), or"
         " strain and stress"
     )
+
+
+def _first_with(parts: Sequence[str], names: Sequence[str]) -> str:
+    """The first name that contains one of the parts; empty if none does."""
+    return next((name for name in names if any(part in name.casefold() for part in parts)), "")
 
 
 @dataclass(frozen=True)
@@ -165,7 +190,12 @@ class _Heading:
         match = _HEADER.fullmatch(text)
         if match is None:
             return cls(text, "", None)
-        return cls(text, NAMES.get(match["name"].casefold(), ""), match["unit"])
+        name, unit = match["name"].casefold(), match["unit"]
+        # "compressive force" is a force.
+        name = re.sub(r"^compress\w*\s+(?=\w)", "", name)
+        if name == "compression" and unit is None:
+            name = "displacement"
+        return cls(text, NAMES.get(name, ""), unit)
 
     @property
     def kind_of_unit(self) -> str:

@@ -147,7 +147,63 @@ def test_a_displacement_a_little_too_large_is_no_mistaken_unit() -> None:
 def test_assumptions_are_told() -> None:
     assert "no header" in parse_curve("10,2", SPRING).remarks[0]
     assert "no unit: taken as [N]" in parse_curve("d [mm],q\n10,2", SPRING).remarks[0]
-    assert parse_curve("d [mm],q [N]\n10,2", SPRING).remarks == ()
+    assert parse_curve("d [mm],q [N]\n10,2\n-10,-2", SPRING).remarks == ()
+
+
+# -- tests in compression --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "compression [mm],force [N]",
+        "compression,force",
+        "d [mm],compressive load [N]",
+        "Crush distance [mm],Force [N]",
+        "Stauchung [mm],Kraft [N]",
+        "Weg [mm],Druckkraft [N]",
+    ],
+)
+def test_a_column_named_compression_counts_it_as_positive(header: str) -> None:
+    curve = parse_curve(f"{header}\n5,1\n10,2.5\n-3,-0.5\n", SPRING)
+    assert curve.d.tolist() == [-10.0, -5.0, 3.0]
+    assert curve.q.tolist() == [-2.5, -1.0, 0.5]
+    assert "both signs are turned" in curve.remarks[-1]
+
+
+def test_compressive_strain_and_stress_are_turned_too() -> None:
+    curve = parse_curve("compressive strain [%],compressive stress [kPa]\n5,20", SPRING)
+    assert (curve.d.tolist(), curve.q.tolist()) == ([-5.0], [pytest.approx(-2.0)])
+
+
+def test_negative_numbers_in_a_column_named_compression_are_compression() -> None:
+    curve = parse_curve("compression [mm],force [N]\n-5,-1\n-10,-2\n", SPRING)
+    assert curve.d.tolist() == [-10.0, -5.0]
+    assert "stay as they are" in curve.remarks[-1]
+
+
+def test_compression_can_be_said_whatever_the_names_are() -> None:
+    for header in ("d [mm],q [N]\n", "compression [mm],force [N]\n"):
+        curve = parse_curve(f"{header}0,0\n5,1\n10,2.5\n", SPRING, compression=True)
+        assert curve.d.tolist() == [-10.0, -5.0, 0.0]
+        assert curve.q.tolist() == [-2.5, -1.0, 0.0]
+    with pytest.raises(ProblemError, match="compression already: leave it out"):
+        parse_curve("d [mm],q [N]\n-5,-1\n-10,-2\n", SPRING, compression=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("d [mm],q [N]\n0,0\n5,1\n10,2", True),
+        ("5,1\n10,2", True),
+        ("d [mm],q [N]\n-0.01,-0.001\n5,1\n10,2", True),
+        ("extension [mm],force [N]\n5,1\n10,2", False),
+        ("d [mm],q [N]\n5,1\n-10,-2", False),
+        ("d [mm],q [N]\n-5,-1\n-10,-2", False),
+    ],
+)
+def test_positive_numbers_alone_may_be_a_compression_test(text: str, asked: bool) -> None:
+    assert any("give --compression" in r for r in parse_curve(text, SPRING).remarks) == asked
 
 
 def test_files_are_read_with_a_byte_order_mark_and_named_in_errors(tmp_path: Path) -> None:
@@ -286,6 +342,12 @@ def test_targets_in_stress_and_strain_use_the_size_in_the_file(folder: Path) -> 
     assert [p.q for p in problem.control_points] == pytest.approx([-1.5, 0.6])
 
 
+def test_a_problem_can_say_that_its_targets_count_compression_as_positive(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n5,1\n10,2.5")
+    problem = problem_of(folder, 'targets = {file = "curve.csv", compression = true}')
+    assert [(p.d, p.q) for p in problem.control_points] == [(-10.0, -2.5), (-5.0, -1.0)]
+
+
 def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
     text = "w_q = 3\ncontrol_points = [{d = 1, q = 2}, {d = 2, q = 3, weight = 4}]"
     assert [p.weight for p in SpringProblem.from_toml(text).control_points] == [3.0, 4.0]
@@ -301,6 +363,7 @@ def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
         ('targets = {file = "curve.csv", point = 3}', "did you mean 'points'"),
         ('targets = {file = "curve.csv", points = 2.5}', "targets.points = 2.5"),
         ('targets = {file = "curve.csv", at = 3}', "targets.at = 3"),
+        ('targets = {file = "curve.csv", compression = 1}', "targets.compression = 1"),
         ('targets = "curve.csv"\nH = 15', "only H = 15 mm"),
         ('targets = "curve.csv"\nH = "tall"', "H = 'tall'"),
         ('targets = "curve.csv"\nE = 1\nK = 2', "described twice"),
@@ -378,6 +441,16 @@ def test_a_target_out_of_reach_is_code_1_and_optimize_refuses_it(folder: Path) -
     assert (run / "design.npz").exists()
 
 
+def test_a_compression_test_is_turned_on_request(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n5,1\n10,2.5")
+    assert "give --compression" in invoke("targets", folder / "curve.csv").stdout
+    out = folder / "turned.toml"
+    result = invoke("targets", folder / "curve.csv", "--compression", "--write", out)
+    assert "note: --compression: both signs are turned" in result.stdout
+    points = SpringProblem.from_toml(out).control_points
+    assert [(p.d, p.q) for p in points] == [(-10.0, -2.5), (-5.0, -1.0)]
+
+
 def test_robust_adds_the_dilated_point_of_the_paper(folder: Path) -> None:
     (folder / "curve.csv").write_text("d,q\n10,2\n20,3")
     assert "needs a neck" in invoke("targets", folder / "curve.csv").stdout
@@ -423,6 +496,7 @@ def test_a_case_can_be_checked_as_it_is(name: str) -> None:
         ("targets CURVE --write FOLDER/spring", "must end with .toml"),
         ("targets CURVE --write FOLDER/there.toml", "exists already"),
         ("targets C7 --nu 0.3", "checked as it is"),
+        ("targets C7 --compression", "checked as it is"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(folder: Path, arguments: str, part: str) -> None:
