@@ -61,6 +61,18 @@ def refused(text: str, problem: SpringProblem = SPRING) -> str:
         "Weg [mm];Kraft [N]\n-20;-4,5\n-10;-2\n10;2,25",
         "d,width [mm],Kraft [N]\n-20,3,-4.5\n-10,3,-2\n10,3,2.25",
         "d [mm],q [N],\n-20,-4.5,\n-10,-2,\n10,2.25,",
+        "d / mm;q / N\n-20;-4,5\n-10;-2\n10;2,25",
+        "d/mm,F/kN\n-20,-0.0045\n-10,-0.002\n10,0.00225",
+        "d / mm q / N\n-20 -4.5\n-10 -2\n10 2.25",
+        "ε / %;σ / (N/mm²)\n-20;-0,045\n-10;-0,02\n10;0,0225",
+        "Weg / cm;Kraft / N\n-2;-4,5\n-1;-2\n1;2,25",
+        "d_mm,F_N\n-20,-4.5\n-10,-2\n10,2.25",
+        "time_s,Force_mN,Displacement_cm\n0,-4500,-2\n1,-2000,-1\n2,2250,1",
+        "strain_%,stress_MPa\n-20,-0.045\n-10,-0.02\n10,0.0225",
+        "Weg_mm;Kraft_N\n-20;-4,5\n-10;-2\n10;2,25",
+        # Neither a ratio nor a stiffness is a displacement.
+        "d/H,stiffness N/mm,Weg [mm],q\n-0.2,1,-20,-4.5\n-0.1,1,-10,-2\n0.1,1,10,2.25",
+        "N/mm,d_1,d,q\n1,7,-20,-4.5\n1,7,-10,-2\n1,7,10,2.25",
     ],
 )
 def test_the_same_curve_however_it_is_written(text: str) -> None:
@@ -120,6 +132,8 @@ def test_numbers_come_back_exactly(
         ("d,stress\n10,2\n", ["column for d but none for q"]),
         ("d,d\n10,2\n", ["two columns"]),
         ("length,time\n10,2\n", ["none of the columns length, time is named d"]),
+        ("length,time\n10,2\n", ["write for example d [mm];q [N]"]),
+        ("length,q\n10,2\n", ["none for d", "write for example d [mm];q [N]"]),
         ("Weg [mm],Weite [mm],Kraft [N]\n10,2,3\n", ["column for q but none for d"]),
         ("d,q\n120,2\n", ["d = 120 mm", "H = 100 mm"]),
         ("d,q\n20000,2\n", ["in µm?"]),
@@ -158,6 +172,8 @@ def test_assumptions_are_told() -> None:
     [
         "compression [mm],force [N]",
         "compression,force",
+        "compression / mm,F / N",
+        "compression_mm,compressive_force_N",
         "d [mm],compressive load [N]",
         "Crush distance [mm],Force [N]",
         "Stauchung [mm],Kraft [N]",
