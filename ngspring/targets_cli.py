@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -136,6 +137,7 @@ def targets_command(
 
     Exit code 1 if the target cannot be met.
     """
+    from ngspring.files import write_text
     from ngspring.plausibility import check_targets
     from ngspring.report import make_console
 
@@ -147,6 +149,8 @@ def targets_command(
             raise click.UsageError("a problem is checked as it is: options belong to a curve")
         problem = read_problem(curve)[0]
     else:
+        if out is not None:
+            _check_writable(out)
         name = curve if out is None else out.name
         axes = _axes(curve, d_range, q_range)
         problem, remarks, text = _problem_of_curve(
@@ -161,9 +165,13 @@ def targets_command(
         click.echo(f"{finding.level}: {finding.message}")
     if not findings:
         click.echo("nothing speaks against this target")
+    refused = any(finding.level == "error" for finding in findings)
     if out is not None:
-        _write(out, text)
-    return FAILED if any(finding.level == "error" for finding in findings) else 0
+        write_text(out, text)
+        optimize = f"ngspring optimize {shlex.quote(str(out))}"
+        advice = f"{optimize} will refuse it, unless --anyway is given" if refused else optimize
+        click.echo(f"written: {out}; {'but' if refused else 'next:'} {advice}")
+    return FAILED if refused else 0
 
 
 def _problem_of_curve(
@@ -195,7 +203,7 @@ def _problem_of_curve(
     problem = with_similar_weights(blank.replace(control_points=chosen))
     if robust:
         problem = _robust(problem)
-    text = annotated_toml(problem, Path(curve).name)
+    text = annotated_toml(problem, Path(curve).name, given)
     remarks = target.remarks
     if len(chosen) < len(target.d):
         share = 100 * target.deviation(chosen)
@@ -273,14 +281,13 @@ def _points_table(problem: SpringProblem) -> Table:
     return table
 
 
-def _write(out: Path, text: str) -> None:
-    from ngspring.arguments import make_folder
-    from ngspring.files import write_text
-
+def _check_writable(out: Path) -> None:
+    """Raise ProblemError unless a new problem can have this name."""
     if out.suffix.lower() != ".toml":
         raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
     if out.exists():
         raise ProblemError(f"{out} exists already: choose another name, or remove it first")
-    make_folder(out.parent)
-    write_text(out, text)
-    click.echo(f"written: {out}; next: ngspring optimize {out}")
+    if not out.parent.is_dir():
+        raise ProblemError(
+            f"--write {out} is not possible: there is no folder {out.parent}, make it first"
+        )

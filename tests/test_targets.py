@@ -426,7 +426,7 @@ def test_a_commented_file_describes_the_problem(name: str) -> None:
 
 def test_a_small_rubber_spring_gets_weights_of_its_size(folder: Path) -> None:
     (folder / "curve.csv").write_text("d [mm],q [N]\n2,5\n-2,-5\n-4,-12.5")
-    out = folder / "new" / "mine.toml"
+    out = folder / "mine.toml"
     size = ("--length", 20, "--height", 20, "--thickness", 10, "--material", "silicone")
     result = invoke("targets", folder / "curve.csv", *size, "--write", out)
     assert "nothing speaks against this target" in result.stdout
@@ -445,6 +445,9 @@ def test_a_target_out_of_reach_is_code_1_and_optimize_refuses_it(folder: Path) -
     out = folder / "heavy.toml"
     result = invoke("targets", folder / "curve.csv", "--write", out, code=1)
     assert "error: q = 20 N at d = 10 mm is out of reach" in result.stdout
+    written = result.stdout.splitlines()[-1]
+    assert written.endswith(f"but ngspring optimize {out} will refuse it, unless --anyway is given")
+    assert "next" not in written
     run = folder / "run"
     options = ("--elements", 8, "--max-updates", 1, "--threads", 1, "--out", run)
     refusal = invoke("optimize", out, *options, code=2)
@@ -511,6 +514,7 @@ def test_a_case_can_be_checked_as_it_is(name: str) -> None:
         ("targets CURVE --kinematics axisymmetric --thickness 3", "no thickness"),
         ("targets CURVE --write FOLDER/spring", "must end with .toml"),
         ("targets CURVE --write FOLDER/there.toml", "exists already"),
+        ("targets CURVE --write FOLDER/new/mine.toml", "new, make it first"),
         ("targets C7 --nu 0.3", "checked as it is"),
         ("targets C7 --compression", "checked as it is"),
     ],
@@ -522,6 +526,30 @@ def test_bad_input_is_one_line_and_code_2(folder: Path, arguments: str, part: st
     assert len(result.stderr.splitlines()) == 1
     assert part in result.stderr
     assert (folder / "there.toml").read_text() == ""
+    assert result.stdout == ""
+    assert sorted(path.name for path in folder.iterdir()) == ["curve.csv", "there.toml"]
+
+
+@pytest.mark.parametrize(
+    ("options", "lines", "hardness"),
+    [
+        (("--shore-a", 40), ["shore_A = 40"], 40.0),
+        (("--shore-a", 62.5, "--nu", 0.45), ["shore_A = 62.5", "nu = 0.45"], 62.5),
+        (("--material", "silicone"), ['material = "silicone"'], 30.0),
+        (("--material", "NBR", "--shore-a", 45), ['material = "NBR"', "shore_A = 45"], 45.0),
+    ],
+)
+def test_the_written_file_has_the_stiffness_as_it_was_given(
+    options: tuple[object, ...], lines: list[str], hardness: float, folder: Path
+) -> None:
+    out = folder / "mine.toml"
+    invoke("targets", folder / "curve.csv", *options, "--write", out)
+    keys = [line.partition("#")[0].strip() for line in out.read_text().splitlines()]
+    assert set(lines) <= set(keys)
+    assert not [key for key in keys if key.startswith("E =")]
+    nu = 0.45 if 0.45 in options else 0.4
+    problem = SpringProblem.from_toml(out)
+    assert bulk_and_shear_modulus(young_from_shore_A(hardness), nu) == (problem.K, problem.G)
 
 
 def test_materials_are_listed_with_hardness_and_modulus() -> None:
