@@ -274,11 +274,16 @@ def _points_table(problem: SpringProblem) -> Table:
             f"{point.d:g}",
             f"{point.q:g}",
             f"{point.eta:g}",
-            f"{point.d / problem.H:+.3f}",
+            _strain(point.d / problem.H),
             f"{point.q / top_area(problem):.4g}",
             f"{100 * point.q / block_force(problem, point.d):.3g} %",
         )
     return table
+
+
+def _strain(value: float) -> str:
+    """To three decimals, or as many as show two digits."""
+    return f"{value:+.3f}" if abs(value) >= 0.01 else f"{value:+.2g}"
 
 
 def _check_writable(out: Path) -> None:

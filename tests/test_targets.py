@@ -470,6 +470,14 @@ def test_a_compression_test_is_turned_on_request(folder: Path) -> None:
     assert [(p.d, p.q) for p in points] == [(-10.0, -2.5), (-5.0, -1.0)]
 
 
+def test_small_strains_are_shown_with_their_digits(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n-0.02,-0.004\n0.54,0.1\n10,2")
+    text = invoke("targets", folder / "curve.csv").stdout
+    assert "-0.0002" in text
+    assert "+0.0054" in text
+    assert "+0.100" in text
+
+
 def test_robust_adds_the_dilated_point_of_the_paper(folder: Path) -> None:
     (folder / "curve.csv").write_text("d,q\n10,2\n20,3")
     assert "needs a neck" in invoke("targets", folder / "curve.csv").stdout
