@@ -46,6 +46,12 @@ else:
 FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
 _TARGETS_KEYS = ("file", "points", "at", "compression")
 
+#: What else displacement and force of a control point are called, in lower case.
+_OTHER_NAMES = {
+    **dict.fromkeys(("u", "displacement", "deflection", "travel", "extension", "x"), "d"),
+    **dict.fromkeys(("f", "force", "load", "reaction", "p"), "q"),
+}
+
 #: Stands in for control points where a problem is only asked for its size.
 NO_TARGET = ControlPoint(5e-324, 0.0)
 
@@ -190,9 +196,10 @@ def _check_keys(
     names = [*(field.name for field in fields), *further]
     for key in table:
         if key not in names:
-            raise ProblemError(
-                f"unknown key {shown(key)}{where}: did you mean {nearest(key, names)!r}?"
-            )
+            meant = nearest(key, names)
+            if described is ControlPoint:
+                meant = _OTHER_NAMES.get(key.casefold(), meant)
+            raise ProblemError(f"unknown key {shown(key)}{where}: did you mean {meant!r}?")
     for field in fields:
         required = field.default is dataclasses.MISSING and field.name != "control_points"
         if required and field.name not in table:
