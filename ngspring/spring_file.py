@@ -23,8 +23,9 @@ def _stiffness(E: float, described: Mapping[str, object]) -> list[str]:
     lines = []
     hardness, material = described.get("shore_A"), described.get("material")
     if isinstance(material, str):
-        typical = f"with its typical hardness E = {E:.4g} MPa" if hardness is None else "its name"
-        lines.append(_line("material", material, f"{typical}; see ngspring materials"))
+        typical = f"of typical hardness: E = {E:.4g} MPa; see ngspring materials"
+        comment = typical if hardness is None else "only a name: shore_A decides"
+        lines.append(_line("material", material, comment))
     if isinstance(hardness, float):
         lines.append(_line("shore_A", hardness, f"hardness: E = {E:.4g} MPa by Gent's relation"))
     return lines or [_line("E", E, "Young's modulus (or shore_A, or material, in its place)")]
