@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import difflib
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ngspring.cases import cases, get_case
-from ngspring.errors import ProblemError, RunFolderError
-from ngspring.problem import SpringProblem
+from ngspring.errors import DesignFileError, ProblemError, RunFolderError
+from ngspring.problem import SpringProblem, shown
 
 if TYPE_CHECKING:
     from ngspring.design import Design
     from ngspring.splines import FloatArray
+
+
+#: How the names of files with curves end.
+_CURVES = (".csv", ".tsv", ".svg")
 
 
 def read_problem(text: str) -> tuple[SpringProblem, str]:
@@ -24,6 +30,11 @@ def read_problem(text: str) -> tuple[SpringProblem, str]:
         If there is no such case, or the file is not in order.
     """
     path = Path(text)
+    if path.suffix.lower() in _CURVES:
+        raise ProblemError(
+            f"{shown(text)} is no problem in TOML: a curve first becomes a problem:"
+            f" ngspring targets {shlex.quote(text)} --write mine.toml"
+        )
     is_case = text.strip().upper() in cases
     if not is_case and (path.suffix.lower() == ".toml" or path.parent != Path() or path.is_file()):
         problem = SpringProblem.from_toml(path)
@@ -87,12 +98,21 @@ def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, st
         If a design is named that cannot be read.
     """
     from ngspring.design import Design
+    from ngspring.stored import UnknownDesignError, gallery
 
     if text == "column":
         return Design.column(problem), text
     if text == "random":
         return Design.random(problem, seed), f"random, seed {seed}"
-    return read_design(text)[0], f"design {text}"
+    try:
+        return read_design(text)[0], f"design {text}"
+    except UnknownDesignError:
+        close = difflib.get_close_matches(text, ("column", "random", *gallery), n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise DesignFileError(
+            f"there is no stored design {shown(text)} for --initial{hint}: it must be column,"
+            " random, a design's file or run folder, or the name of a stored design"
+        ) from None
 
 
 def displacements_between(

@@ -25,6 +25,7 @@ import itertools
 import math
 import os
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
@@ -176,13 +177,20 @@ def read_campaign(path: str | os.PathLike[str]) -> Campaign:
     """
     path = Path(path)
     try:
-        return parse_campaign(read_text(os.fspath(path)), path.parent)
+        return parse_campaign(read_text(os.fspath(path)), path.parent, os.fspath(path))
     except ProblemError as error:
         raise ProblemError(f"{str(path)!r}: {error}") from error.__cause__
 
 
-def parse_campaign(text: str, folder: Path = Path()) -> Campaign:
+def parse_campaign(text: str, folder: Path = Path(), file: str = "FILE.toml") -> Campaign:
     """Read a campaign from TOML text; the paths in it are relative to ``folder``.
+
+    Parameters
+    ----------
+    text : str
+    folder : path
+    file : str
+        What the text's file is called in the advice of an error.
 
     Raises
     ------
@@ -190,6 +198,10 @@ def parse_campaign(text: str, folder: Path = Path()) -> Campaign:
         With a message of one line.
     """
     values = load_tables(text)
+    if "run" not in values and ("control_points" in values or "targets" in values):
+        raise ProblemError(
+            f"this is a problem, not a campaign: ngspring optimize {shlex.quote(file)}"
+        )
     _check_keys(values, ("run",))
     tables = values.get("run", [])
     if not isinstance(tables, list):

@@ -58,12 +58,20 @@ def check_targets(problem: SpringProblem) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Empty if there is nothing to say.
+        Empty if there is nothing to say. A mistaken unit of the displacements comes before
+        everything that follows from it.
     """
     findings: list[Finding] = []
     for check in (_signs, _monotone, _block, _soft, _volume, _stretch, _shape, _sides, _numerics):
         findings += check(problem)
-    return sorted(findings, key=lambda finding: LEVELS.index(finding.level))
+    findings.sort(key=lambda finding: LEVELS.index(finding.level))
+    if _may_be_in_metres(problem):
+        # Whatever else is wrong comes from the unit, and so do all other suggestions.
+        level = "error" if findings and findings[0].level == "error" else "warning"
+        findings.insert(
+            0, Finding(level, _too_small(problem, "; was it in m? (times 1000 it fits)"))
+        )
+    return findings
 
 
 def _blueprint(problem: SpringProblem) -> tuple[ControlPoint, ...]:
@@ -261,17 +269,22 @@ def _stretch(problem: SpringProblem) -> Iterator[Finding]:
             f"d up to {100 * largest / problem.H:.0f} % of H: beyond what the third medium has been"
             " tried with (the paper goes to 20 %); the load path may not be followed to its end",
         )
-    if largest < SMALL_STRETCH * problem.H:
-        hint = (
-            "; times 1000 it would be: was it in m?"
-            if 1e-2 <= 1e3 * largest / problem.H < 1
-            else ""
-        )
-        yield Finding(
-            "warning",
-            f"d only up to {100 * largest / problem.H:.2g} % of H: too little for contact or"
-            f" nonlinear behaviour{hint}",
-        )
+    if largest < SMALL_STRETCH * problem.H and not _may_be_in_metres(problem):
+        yield Finding("warning", _too_small(problem))
+
+
+def _may_be_in_metres(problem: SpringProblem) -> bool:
+    """Whether displacements too small to be meant would be usual ones if they were in m."""
+    largest = max(abs(point.d) for point in problem.control_points) / problem.H
+    return largest < SMALL_STRETCH and 1e-2 <= 1e3 * largest < 1.0
+
+
+def _too_small(problem: SpringProblem, hint: str = "") -> str:
+    largest = max(abs(point.d) for point in problem.control_points)
+    return (
+        f"d only up to {100 * largest / problem.H:.2g} % of H: too little for contact or nonlinear"
+        f" behaviour{hint}"
+    )
 
 
 def _exponents(
@@ -312,13 +325,16 @@ def _shape(problem: SpringProblem) -> Iterator[Finding]:
 
 def _sides(problem: SpringProblem) -> Iterator[Finding]:
     points = _blueprint(problem)
-    if all(p.d < 0 for p in points):
-        first = points[-1]
+    # Of a point with the wrong sign, or without a force, no example can be made.
+    examples = [p for p in points if p.q < 0]
+    if all(p.d < 0 for p in points) and examples:
+        first = examples[-1]
         yield Finding(
             "warning",
             "no target in tension: parts that only touch under compression would do, so the"
             " spring need not be connected. A point in tension makes it so, as in all of the"
-            f" paper's compression springs, for example d = {-first.d:g} mm, q = {-first.q:g} N",
+            " paper's compression springs: add a row to the CSV, or a [[control_points]] to the"
+            f" TOML, for example with d = {-first.d:g} mm, q = {-first.q:g} N",
         )
 
 

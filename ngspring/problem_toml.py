@@ -16,8 +16,8 @@ Table 1. Besides the fields a file may have
   and ``G``, see `ngspring.material`;
 - ``w_q``, the weight of all control points that have none of their own;
 - ``targets = "curve.csv"`` instead of `control_points`, a file beside the TOML file, or a table
-  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, see
-  `ngspring.targets`.
+  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, and with
+  ``compression = true`` if the file counts compression as positive, see `ngspring.targets`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,13 @@ else:
 
 #: Keys that are not fields.
 FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
-_TARGETS_KEYS = ("file", "points", "at")
+_TARGETS_KEYS = ("file", "points", "at", "compression")
+
+#: What else displacement and force of a control point are called, in lower case.
+_OTHER_NAMES = {
+    **dict.fromkeys(("u", "displacement", "deflection", "travel", "extension", "x"), "d"),
+    **dict.fromkeys(("f", "force", "load", "reaction", "p"), "q"),
+}
 
 #: Stands in for control points where a problem is only asked for its size.
 NO_TARGET = ControlPoint(5e-324, 0.0)
@@ -156,10 +162,13 @@ def _points_of_curve(
         raise ProblemError(f"targets.points = {shown(points)} is not valid: it must be an integer")
     if at is not None and not isinstance(at, list):
         raise ProblemError(f"targets.at = {shown(at)} is not valid: it must be a list of d in mm")
+    compression = table.get("compression", False)
+    if not isinstance(compression, bool):
+        raise ProblemError(f"targets.compression = {shown(compression)} must be true or false")
     if folder is None:
         raise ProblemError("targets names a file, but this text does not come from a file")
     size = SpringProblem(**{**values, "control_points": (NO_TARGET,)})
-    curve = read_curve(folder / table["file"], size)
+    curve = read_curve(folder / table["file"], size, compression=compression)
     chosen = curve.control_points(points, at)
     return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
 
@@ -187,9 +196,10 @@ def _check_keys(
     names = [*(field.name for field in fields), *further]
     for key in table:
         if key not in names:
-            raise ProblemError(
-                f"unknown key {shown(key)}{where}: did you mean {nearest(key, names)!r}?"
-            )
+            meant = nearest(key, names)
+            if described is ControlPoint:
+                meant = _OTHER_NAMES.get(key.casefold(), meant)
+            raise ProblemError(f"unknown key {shown(key)}{where}: did you mean {meant!r}?")
     for field in fields:
         required = field.default is dataclasses.MISSING and field.name != "control_points"
         if required and field.name not in table:

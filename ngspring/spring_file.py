@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
 from ngspring.material import young_and_poisson
 from ngspring.problem import KINEMATICS, SpringProblem
@@ -17,7 +18,22 @@ def _line(key: str, value: float | int | str, comment: str) -> str:
     return f"{f'{key} = {text}':<{_WIDTH}}  # {comment}"
 
 
-def annotated_toml(problem: SpringProblem, source: str) -> str:
+def _stiffness(E: float, described: Mapping[str, object]) -> list[str]:
+    """The stiffness as it was described."""
+    lines = []
+    hardness, material = described.get("shore_A"), described.get("material")
+    if isinstance(material, str):
+        typical = f"of typical hardness: E = {E:.4g} MPa; see ngspring materials"
+        comment = typical if hardness is None else "only a name: shore_A decides"
+        lines.append(_line("material", material, comment))
+    if isinstance(hardness, float):
+        lines.append(_line("shore_A", hardness, f"hardness: E = {E:.4g} MPa by Gent's relation"))
+    return lines or [_line("E", E, "Young's modulus (or shore_A, or material, in its place)")]
+
+
+def annotated_toml(
+    problem: SpringProblem, source: str, described: Mapping[str, object] | None = None
+) -> str:
     """The problem as TOML with comments; values are rounded to seven digits.
 
     Parameters
@@ -27,6 +43,9 @@ def annotated_toml(problem: SpringProblem, source: str) -> str:
         parameters E_0, k_r, p and n are left out where they have their defaults.
     source : str
         Where the targets come from.
+    described : mapping, optional
+        How the stiffness was described: ``shore_A`` or ``material`` in it are written instead of E
+        (see `ngspring.material.moduli_from`); other keys are ignored.
     """
     E, nu = young_and_poisson(problem.K, problem.G)
     other = KINEMATICS[0] if problem.axisymmetric else KINEMATICS[1]
@@ -46,7 +65,7 @@ def annotated_toml(problem: SpringProblem, source: str) -> str:
         lines.append(_line("T", problem.T, "out-of-plane thickness"))
     lines += [
         "",
-        _line("E", E, "Young's modulus (or shore_A, or material, in its place)"),
+        *_stiffness(E, described or {}),
         _line("nu", nu, "Poisson's ratio"),
         "",
         "# The weights of the paper's springs, scaled to this size and these forces.",

@@ -170,7 +170,7 @@ def _neat(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def parse_curve(text: str, problem: SpringProblem) -> TargetCurve:
+def parse_curve(text: str, problem: SpringProblem, compression: bool = False) -> TargetCurve:
     """A target curve from CSV text.
 
     Parameters
@@ -179,6 +179,9 @@ def parse_curve(text: str, problem: SpringProblem) -> TargetCurve:
         See `ngspring.targets_csv`.
     problem : SpringProblem
         Its size turns strains and stresses into displacements and forces.
+    compression : bool
+        Whether the text counts compression as positive, as test machines do: both signs are
+        turned. A column whose name says so, such as ``compression [mm]``, turns them as well.
 
     Raises
     ------
@@ -189,7 +192,55 @@ def parse_curve(text: str, problem: SpringProblem) -> TargetCurve:
     d, q = columns.x, columns.y
     if columns.stress:
         d, q = d * problem.H, q * top_area(problem)
-    return _curve(d, q, problem, list(columns.remarks), columns.stress)
+    remarks = list(columns.remarks)
+    if compression or columns.compression:
+        d, q = _turned(d, q, remarks, "" if compression else columns.compression)
+    elif not columns.tension and _is_positive(d) and _is_positive(q):
+        remarks.append(
+            "all points are taken as tension; if this was a compression test, give --compression"
+        )
+    return _curve(d, q, problem, remarks, columns.stress)
+
+
+def _is_positive(values: FloatArray) -> bool:
+    """Whether values are positive but for a few percent, which are noise around zero."""
+    return bool(values.max() > 0.0 and values.min() >= -0.05 * values.max())
+
+
+def _turned(
+    d: FloatArray, q: FloatArray, remarks: list[str], column: str = ""
+) -> tuple[FloatArray, FloatArray]:
+    """A curve that counts compression as positive, with the signs of this package.
+
+    Parameters
+    ----------
+    d, q : arrays
+    remarks : list of str
+        What was done is added.
+    column : str
+        The column whose name is the reason; empty if it was asked for.
+
+    Raises
+    ------
+    ProblemError
+        If it was asked for, but the curve is one of compression as it is.
+    """
+    if _is_positive(-d):
+        if not column:
+            raise ProblemError(
+                "compression turns the signs of a curve that counts it as positive, but here d is"
+                " negative, which is compression already: leave it out"
+            )
+        remarks.append(
+            f"column {column!r} names compression, but d is negative, which is compression already:"
+            " the signs stay as they are"
+        )
+        return d, q
+    reason = f"column {column!r} counts compression as positive" if column else "--compression"
+    remarks.append(
+        f"{reason}: both signs are turned, and a row with negative numbers in the file is tension"
+    )
+    return -d, -q
 
 
 def _curve(
@@ -254,6 +305,7 @@ def read_curve(
     path: PathLike,
     problem: SpringProblem,
     axes: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    compression: bool = False,
 ) -> TargetCurve:
     """A target curve from a CSV file, or from an SVG drawing.
 
@@ -266,6 +318,8 @@ def read_curve(
         Its size turns strains and stresses into displacements and forces.
     axes : pair of pairs of float, optional
         Ranges of d in mm and of q in N of a drawing.
+    compression : bool
+        Whether the file counts compression as positive: both signs are turned.
 
     Raises
     ------
@@ -279,7 +333,11 @@ def read_curve(
             raise ProblemError("a drawing needs the ranges of d and q that its axes stand for")
         text = read_text(name)
         if axes is not None and drawn:
-            return _curve(*parse_drawing(text, *axes), problem, [])
-        return parse_curve(text, problem)
+            d, q = parse_drawing(text, *axes)
+            remarks: list[str] = []
+            if compression:
+                d, q = _turned(d, q, remarks)
+            return _curve(d, q, problem, remarks)
+        return parse_curve(text, problem, compression)
     except ProblemError as error:
         raise ProblemError(f"{name!r}: {error}") from error.__cause__

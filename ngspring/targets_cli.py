@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -103,6 +104,11 @@ def _materials_table() -> Table:
 @click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")
 @click.option("--d-range", help="Of an SVG drawing: d in mm at the left and right, as -20,10.")
 @click.option("--q-range", help="Of an SVG drawing: q in N at the bottom and top, as -6,3.")
+@click.option(
+    "--compression",
+    is_flag=True,
+    help="The curve counts compression as positive, as test machines do: turn both signs.",
+)
 @click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
 @click.option(
     "--write",
@@ -116,6 +122,7 @@ def targets_command(
     at: str | None,
     d_range: str | None,
     q_range: str | None,
+    compression: bool,
     robust: bool,
     out: Path | None,
     **described: float | int | str | None,
@@ -124,11 +131,13 @@ def targets_command(
 
     The curve is a CSV file with columns d and q, or strain and stress, whose header may give
     units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
-    --d-range and --q-range describe. Tension is positive. Sizes not given are the paper's:
+    --d-range and --q-range describe. Tension is positive; of a test that counts compression as
+    positive --compression turns the signs. Sizes not given are the paper's:
     100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
 
     Exit code 1 if the target cannot be met.
     """
+    from ngspring.files import write_text
     from ngspring.plausibility import check_targets
     from ngspring.report import make_console
 
@@ -136,13 +145,17 @@ def targets_command(
     remarks: tuple[str, ...] = ()
     text = ""
     if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
-        if given or points or at or robust or out or d_range or q_range:
+        if given or points or at or robust or out or d_range or q_range or compression:
             raise click.UsageError("a problem is checked as it is: options belong to a curve")
         problem = read_problem(curve)[0]
     else:
+        if out is not None:
+            _check_writable(out)
         name = curve if out is None else out.name
         axes = _axes(curve, d_range, q_range)
-        problem, remarks, text = _problem_of_curve(curve, name, given, points, at, robust, axes)
+        problem, remarks, text = _problem_of_curve(
+            curve, name, given, points, at, robust, axes, compression
+        )
     click.echo(_described(problem))
     make_console().print(_points_table(problem))
     for remark in remarks:
@@ -152,9 +165,13 @@ def targets_command(
         click.echo(f"{finding.level}: {finding.message}")
     if not findings:
         click.echo("nothing speaks against this target")
+    refused = any(finding.level == "error" for finding in findings)
     if out is not None:
-        _write(out, text)
-    return FAILED if any(finding.level == "error" for finding in findings) else 0
+        write_text(out, text)
+        optimize = f"ngspring optimize {shlex.quote(str(out))}"
+        advice = f"{optimize} will refuse it, unless --anyway is given" if refused else optimize
+        click.echo(f"written: {out}; {'but' if refused else 'next:'} {advice}")
+    return FAILED if refused else 0
 
 
 def _problem_of_curve(
@@ -165,6 +182,7 @@ def _problem_of_curve(
     at: str | None,
     robust: bool,
     axes: Axes | None,
+    compression: bool,
 ) -> tuple[SpringProblem, tuple[str, ...], str]:
     """The problem as it would be read from the file that is written, remarks, and that file."""
     from ngspring.material import MATERIAL_KEYS, moduli_from
@@ -180,12 +198,12 @@ def _problem_of_curve(
     if fields.get("kinematics") == "axisymmetric" and "T" in fields:
         raise click.UsageError("an axisymmetric spring has no thickness")
     blank = SpringProblem((NO_TARGET,), name=Path(name).stem).replace(**fields)
-    target = read_curve(curve, blank, axes)
+    target = read_curve(curve, blank, axes, compression)
     chosen = target.control_points(points, None if at is None else _numbers("--at", at))
     problem = with_similar_weights(blank.replace(control_points=chosen))
     if robust:
         problem = _robust(problem)
-    text = annotated_toml(problem, Path(curve).name)
+    text = annotated_toml(problem, Path(curve).name, given)
     remarks = target.remarks
     if len(chosen) < len(target.d):
         share = 100 * target.deviation(chosen)
@@ -256,21 +274,25 @@ def _points_table(problem: SpringProblem) -> Table:
             f"{point.d:g}",
             f"{point.q:g}",
             f"{point.eta:g}",
-            f"{point.d / problem.H:+.3f}",
+            _strain(point.d / problem.H),
             f"{point.q / top_area(problem):.4g}",
             f"{100 * point.q / block_force(problem, point.d):.3g} %",
         )
     return table
 
 
-def _write(out: Path, text: str) -> None:
-    from ngspring.arguments import make_folder
-    from ngspring.files import write_text
+def _strain(value: float) -> str:
+    """To three decimals, or as many as show two digits."""
+    return f"{value:+.3f}" if abs(value) >= 0.01 else f"{value:+.2g}"
 
+
+def _check_writable(out: Path) -> None:
+    """Raise ProblemError unless a new problem can have this name."""
     if out.suffix.lower() != ".toml":
         raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
     if out.exists():
         raise ProblemError(f"{out} exists already: choose another name, or remove it first")
-    make_folder(out.parent)
-    write_text(out, text)
-    click.echo(f"written: {out}; next: ngspring optimize {out}")
+    if not out.parent.is_dir():
+        raise ProblemError(
+            f"--write {out} is not possible: there is no folder {out.parent}, make it first"
+        )

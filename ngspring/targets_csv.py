@@ -2,15 +2,17 @@
 
 Fields may be separated by semicolons, tabs, commas or blanks; decimals may have a comma where that
 cannot be mistaken; lines that begin with ``#`` are comments. A header names the columns and may
-give a unit in brackets, ``d [mm]``, ``force (kN)``; where the name is not known the unit tells.
-Without a header the first column is d in mm and the second q in N.
+give a unit, ``d [mm]``, ``force (kN)``, ``F / N`` or ``d_mm``; where the name is not known the unit
+tells.
+Without a header the first column is d in mm and the second q in N. A name may also tell in which
+direction the test went, ``compression [mm]``.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +49,18 @@ NAMES: dict[str, str] = {
     **dict.fromkeys(("stress", "sigma", "σ"), "stress"),
 }
 
+#: Parts of names, in lower case, of columns that count compression, or tension, as positive.
+_COMPRESSION = ("compress", "crush", "druck", "stauch")
+_TENSION = ("tens", "exten", "elong", "stretch", "zug", "dehn")
+
 _HEADER = re.compile(r"\s*(?P<name>[^\[\](),/]*?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])])?\s*")
+#: ``name / unit`` as in ISO 80000, and ``name_unit``.
+_HEADER_WITH_SLASH = re.compile(
+    r"(?P<name>[^/\[\](),]*[^/\[\](),\s])(?P<slash>\s*/\s*)[(\[]?(?P<unit>[^\[\]()]+?)[)\]]?"
+)
+_HEADER_WITH_UNDERSCORE = re.compile(r"(?P<name>[^/\[\](),]+)_(?P<unit>[^_\[\]()\s]+)")
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_EXAMPLE = "write for example d [mm];q [N]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +75,17 @@ class Columns:
         Whether they are strains and stresses.
     remarks : tuple of str
         What was assumed.
+    compression, tension : str
+        The column whose name says that the test was one in compression, or in tension; empty if
+        none does.
     """
 
     x: FloatArray
     y: FloatArray
     stress: bool
     remarks: tuple[str, ...]
+    compression: str = ""
+    tension: str = ""
 
 
 def parse_columns(text: str) -> Columns:
@@ -112,6 +129,7 @@ def parse_columns(text: str) -> Columns:
 def _named(names: Sequence[str], table: FloatArray) -> Columns:
     columns = [_Heading.of(text) for text in names]
     found: dict[str, FloatArray] = {}
+    texts: dict[str, str] = {}
     remarks = []
     by_unit = [c.kind_of_unit for c in columns if not c.kind]
     for k, column in enumerate(columns):
@@ -137,18 +155,45 @@ def _named(names: Sequence[str], table: FloatArray) -> Columns:
                 f"unit {shown(unit)} of column {column.text!r} is not one of {right}"
             )
         found[kind] = table[:, k] * UNITS[kind][unit]
+        texts[kind] = column.text
     for pair in (("d", "q"), ("strain", "stress")):
         if all(kind in found for kind in pair):
-            return Columns(found[pair[0]], found[pair[1]], "stress" in pair, tuple(remarks))
+            used = [texts[kind] for kind in pair]
+            return Columns(
+                found[pair[0]],
+                found[pair[1]],
+                "stress" in pair,
+                tuple(remarks),
+                compression=_first_with(_COMPRESSION, used),
+                tension=_first_with(_TENSION, used),
+            )
     missing = {"d": "q", "q": "d", "strain": "stress", "stress": "strain"}
     for kind in found:
         raise ProblemError(
-            f"there is a column for {kind} but none for {missing[kind]}: {', '.join(names)}"
+            f"there is a column for {kind} but none for {missing[kind]}: {', '.join(names)};"
+            f" {_EXAMPLE}"
         )
     raise ProblemError(
         f"none of the columns {', '.join(names)} is named d (or displacement) and q (or force), or"
-        " strain and stress"
+        f" strain and stress; {_EXAMPLE}"
     )
+
+
+def _kind_of_name(name: str) -> str:
+    """The kind of quantity that has this name; empty if it is not known."""
+    # "compressive force" is a force.
+    return NAMES.get(re.sub(r"^compress\w*[\s_]+(?=\w)", "", name.casefold()), "")
+
+
+def _ends_with_unit(name: str) -> bool:
+    """Whether the last word of a name is a unit, where it is not a known name as F and d are."""
+    word = name.split()[-1]
+    return word.casefold() not in NAMES and any(word in units for units in UNITS.values())
+
+
+def _first_with(parts: Sequence[str], names: Sequence[str]) -> str:
+    """The first name that contains one of the parts; empty if none does."""
+    return next((name for name in names if any(part in name.casefold() for part in parts)), "")
 
 
 @dataclass(frozen=True)
@@ -162,10 +207,29 @@ class _Heading:
     @classmethod
     def of(cls, text: str) -> _Heading:
         text = text.strip().strip('"')
+        for name, unit in cls._with_unit(text):
+            heading = cls(text, _kind_of_name(name), unit)
+            if unit in UNITS.get(heading.kind or heading.kind_of_unit, {}):
+                return heading
         match = _HEADER.fullmatch(text)
         if match is None:
             return cls(text, "", None)
-        return cls(text, NAMES.get(match["name"].casefold(), ""), match["unit"])
+        name, unit = match["name"], match["unit"]
+        if unit is None and name.casefold() == "compression":
+            return cls(text, "d", None)
+        return cls(text, _kind_of_name(name), unit)
+
+    @staticmethod
+    def _with_unit(text: str) -> Iterator[tuple[str, str]]:
+        """Names and units without brackets, if these are what they may be."""
+        match = _HEADER_WITH_SLASH.fullmatch(text)
+        # "N/mm" and "rate mm/s" are units themselves.
+        if match and (match["slash"] != "/" or not _ends_with_unit(match["name"])):
+            yield match["name"], match["unit"]
+        match = _HEADER_WITH_UNDERSCORE.fullmatch(text)
+        # The number of "d_1" is no unit.
+        if match and match["unit"] not in ("1", "-"):
+            yield match["name"].strip(), match["unit"]
 
     @property
     def kind_of_unit(self) -> str:
@@ -186,7 +250,7 @@ def _is_header(line: str) -> bool:
 def _split(line: str, separator: str) -> list[str]:
     if separator == " ":
         # A blank between a name and its unit separates nothing.
-        return re.sub(r"\s+(?=[\[(])", "", line).split()
+        return re.sub(r"\s+(?=[\[(])|\s*(/)\s*", r"\1", line).split()
     parts = [part.strip() for part in line.split(separator)]
     while len(parts) > 1 and not parts[-1]:
         parts.pop()

@@ -162,6 +162,11 @@ BAD = {
     "run = 3": "[[run]] tables",
     "run = [3]": "run[0] = 3",
     "x = = 3": "not valid TOML",
+    'name = "a"\n[[control_points]]\nd = 1\nq = 2': (
+        "this is a problem, not a campaign: ngspring optimize bad.toml"
+    ),
+    'name = "a"\ntargets = "curve.csv"': "ngspring optimize bad.toml",
+    'name = "a"': "did you mean 'run'?",
     "runs = []": "did you mean 'run'?",
     f"{C4}elemnts = 8": "did you mean 'elements'?",
     "[[run]]": "either case",

@@ -105,8 +105,24 @@ def test_forces_off_by_a_thousand_are_asked_for_their_unit(factor: float, unit: 
 
 
 def test_displacements_in_metres_are_asked_for_their_unit() -> None:
-    warning = found(spring((0.01, 2e-4), (-0.01, -2e-4)), "was it in m?")
-    assert warning.level == "warning"
+    problem = spring((0.01, 2e-4), (-0.01, -2e-4))
+    assert found(problem, "was it in m?").level == "error"
+    # Where nothing else is wrong it is a doubt.
+    assert found(with_similar_weights(problem), "was it in m?").level == "warning"
+
+
+def test_a_mistaken_unit_comes_before_the_advice_that_follows_from_it() -> None:
+    findings = check_targets(spring((0.01, 2.0), (-0.01, -2.0)))
+    assert "was it in m?" in findings[0].message
+    assert findings[0].level == "error"
+    assert "stiffer material" in findings[1].message
+    light = spring((0.01, 2e-4), (-0.01, -2e-4))
+    later = [f.message for f in check_targets(light)]
+    assert "was it in m?" in later[0]
+    assert any("no spring at all is cheaper" in message for message in later[1:])
+    # Displacements that would be too large in m are just small.
+    small = found(spring((1e-4, 2e-5), (-1e-4, -2e-5)), "too little for contact")
+    assert (small.level, "was it" in small.message) == ("warning", False)
 
 
 def test_signs_that_are_all_wrong_are_a_convention() -> None:
@@ -200,6 +216,14 @@ def test_stronger_nonlinearity_than_in_the_paper_is_a_note() -> None:
 
 def test_compression_alone_does_not_need_a_connected_spring() -> None:
     warning = found(spring((-10, -2), (-20, -4)), "no target in tension")
+    assert "d = 10 mm, q = 2 N" in warning.message
+    assert "add a row to the CSV, or a [[control_points]] to the TOML" in warning.message
+
+
+def test_a_sign_error_is_not_advised_to_be_continued_into_tension() -> None:
+    assert [f.message for f in check_targets(spring((-5, 1))) if "in tension" in f.message] == []
+    # Only a point with the right sign is an example.
+    warning = found(spring((-5, 1), (-10, -2)), "no target in tension")
     assert "d = 10 mm, q = 2 N" in warning.message
 
 

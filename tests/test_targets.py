@@ -61,6 +61,18 @@ def refused(text: str, problem: SpringProblem = SPRING) -> str:
         "Weg [mm];Kraft [N]\n-20;-4,5\n-10;-2\n10;2,25",
         "d,width [mm],Kraft [N]\n-20,3,-4.5\n-10,3,-2\n10,3,2.25",
         "d [mm],q [N],\n-20,-4.5,\n-10,-2,\n10,2.25,",
+        "d / mm;q / N\n-20;-4,5\n-10;-2\n10;2,25",
+        "d/mm,F/kN\n-20,-0.0045\n-10,-0.002\n10,0.00225",
+        "d / mm q / N\n-20 -4.5\n-10 -2\n10 2.25",
+        "ε / %;σ / (N/mm²)\n-20;-0,045\n-10;-0,02\n10;0,0225",
+        "Weg / cm;Kraft / N\n-2;-4,5\n-1;-2\n1;2,25",
+        "d_mm,F_N\n-20,-4.5\n-10,-2\n10,2.25",
+        "time_s,Force_mN,Displacement_cm\n0,-4500,-2\n1,-2000,-1\n2,2250,1",
+        "strain_%,stress_MPa\n-20,-0.045\n-10,-0.02\n10,0.0225",
+        "Weg_mm;Kraft_N\n-20;-4,5\n-10;-2\n10;2,25",
+        # Neither a ratio nor a stiffness is a displacement.
+        "d/H,stiffness N/mm,Weg [mm],q\n-0.2,1,-20,-4.5\n-0.1,1,-10,-2\n0.1,1,10,2.25",
+        "N/mm,d_1,d,q\n1,7,-20,-4.5\n1,7,-10,-2\n1,7,10,2.25",
     ],
 )
 def test_the_same_curve_however_it_is_written(text: str) -> None:
@@ -120,6 +132,8 @@ def test_numbers_come_back_exactly(
         ("d,stress\n10,2\n", ["column for d but none for q"]),
         ("d,d\n10,2\n", ["two columns"]),
         ("length,time\n10,2\n", ["none of the columns length, time is named d"]),
+        ("length,time\n10,2\n", ["write for example d [mm];q [N]"]),
+        ("length,q\n10,2\n", ["none for d", "write for example d [mm];q [N]"]),
         ("Weg [mm],Weite [mm],Kraft [N]\n10,2,3\n", ["column for q but none for d"]),
         ("d,q\n120,2\n", ["d = 120 mm", "H = 100 mm"]),
         ("d,q\n20000,2\n", ["in µm?"]),
@@ -147,7 +161,65 @@ def test_a_displacement_a_little_too_large_is_no_mistaken_unit() -> None:
 def test_assumptions_are_told() -> None:
     assert "no header" in parse_curve("10,2", SPRING).remarks[0]
     assert "no unit: taken as [N]" in parse_curve("d [mm],q\n10,2", SPRING).remarks[0]
-    assert parse_curve("d [mm],q [N]\n10,2", SPRING).remarks == ()
+    assert parse_curve("d [mm],q [N]\n10,2\n-10,-2", SPRING).remarks == ()
+
+
+# -- tests in compression --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "compression [mm],force [N]",
+        "compression,force",
+        "compression / mm,F / N",
+        "compression_mm,compressive_force_N",
+        "d [mm],compressive load [N]",
+        "Crush distance [mm],Force [N]",
+        "Stauchung [mm],Kraft [N]",
+        "Weg [mm],Druckkraft [N]",
+    ],
+)
+def test_a_column_named_compression_counts_it_as_positive(header: str) -> None:
+    curve = parse_curve(f"{header}\n5,1\n10,2.5\n-3,-0.5\n", SPRING)
+    assert curve.d.tolist() == [-10.0, -5.0, 3.0]
+    assert curve.q.tolist() == [-2.5, -1.0, 0.5]
+    assert "both signs are turned" in curve.remarks[-1]
+
+
+def test_compressive_strain_and_stress_are_turned_too() -> None:
+    curve = parse_curve("compressive strain [%],compressive stress [kPa]\n5,20", SPRING)
+    assert (curve.d.tolist(), curve.q.tolist()) == ([-5.0], [pytest.approx(-2.0)])
+
+
+def test_negative_numbers_in_a_column_named_compression_are_compression() -> None:
+    curve = parse_curve("compression [mm],force [N]\n-5,-1\n-10,-2\n", SPRING)
+    assert curve.d.tolist() == [-10.0, -5.0]
+    assert "stay as they are" in curve.remarks[-1]
+
+
+def test_compression_can_be_said_whatever_the_names_are() -> None:
+    for header in ("d [mm],q [N]\n", "compression [mm],force [N]\n"):
+        curve = parse_curve(f"{header}0,0\n5,1\n10,2.5\n", SPRING, compression=True)
+        assert curve.d.tolist() == [-10.0, -5.0, 0.0]
+        assert curve.q.tolist() == [-2.5, -1.0, 0.0]
+    with pytest.raises(ProblemError, match="compression already: leave it out"):
+        parse_curve("d [mm],q [N]\n-5,-1\n-10,-2\n", SPRING, compression=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("d [mm],q [N]\n0,0\n5,1\n10,2", True),
+        ("5,1\n10,2", True),
+        ("d [mm],q [N]\n-0.01,-0.001\n5,1\n10,2", True),
+        ("extension [mm],force [N]\n5,1\n10,2", False),
+        ("d [mm],q [N]\n5,1\n-10,-2", False),
+        ("d [mm],q [N]\n-5,-1\n-10,-2", False),
+    ],
+)
+def test_positive_numbers_alone_may_be_a_compression_test(text: str, asked: bool) -> None:
+    assert any("give --compression" in r for r in parse_curve(text, SPRING).remarks) == asked
 
 
 def test_files_are_read_with_a_byte_order_mark_and_named_in_errors(tmp_path: Path) -> None:
@@ -286,6 +358,12 @@ def test_targets_in_stress_and_strain_use_the_size_in_the_file(folder: Path) -> 
     assert [p.q for p in problem.control_points] == pytest.approx([-1.5, 0.6])
 
 
+def test_a_problem_can_say_that_its_targets_count_compression_as_positive(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n5,1\n10,2.5")
+    problem = problem_of(folder, 'targets = {file = "curve.csv", compression = true}')
+    assert [(p.d, p.q) for p in problem.control_points] == [(-10.0, -2.5), (-5.0, -1.0)]
+
+
 def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
     text = "w_q = 3\ncontrol_points = [{d = 1, q = 2}, {d = 2, q = 3, weight = 4}]"
     assert [p.weight for p in SpringProblem.from_toml(text).control_points] == [3.0, 4.0]
@@ -301,6 +379,7 @@ def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
         ('targets = {file = "curve.csv", point = 3}', "did you mean 'points'"),
         ('targets = {file = "curve.csv", points = 2.5}', "targets.points = 2.5"),
         ('targets = {file = "curve.csv", at = 3}', "targets.at = 3"),
+        ('targets = {file = "curve.csv", compression = 1}', "targets.compression = 1"),
         ('targets = "curve.csv"\nH = 15', "only H = 15 mm"),
         ('targets = "curve.csv"\nH = "tall"', "H = 'tall'"),
         ('targets = "curve.csv"\nE = 1\nK = 2', "described twice"),
@@ -347,7 +426,7 @@ def test_a_commented_file_describes_the_problem(name: str) -> None:
 
 def test_a_small_rubber_spring_gets_weights_of_its_size(folder: Path) -> None:
     (folder / "curve.csv").write_text("d [mm],q [N]\n2,5\n-2,-5\n-4,-12.5")
-    out = folder / "new" / "mine.toml"
+    out = folder / "mine.toml"
     size = ("--length", 20, "--height", 20, "--thickness", 10, "--material", "silicone")
     result = invoke("targets", folder / "curve.csv", *size, "--write", out)
     assert "nothing speaks against this target" in result.stdout
@@ -366,6 +445,9 @@ def test_a_target_out_of_reach_is_code_1_and_optimize_refuses_it(folder: Path) -
     out = folder / "heavy.toml"
     result = invoke("targets", folder / "curve.csv", "--write", out, code=1)
     assert "error: q = 20 N at d = 10 mm is out of reach" in result.stdout
+    written = result.stdout.splitlines()[-1]
+    assert written.endswith(f"but ngspring optimize {out} will refuse it, unless --anyway is given")
+    assert "next" not in written
     run = folder / "run"
     options = ("--elements", 8, "--max-updates", 1, "--threads", 1, "--out", run)
     refusal = invoke("optimize", out, *options, code=2)
@@ -376,6 +458,24 @@ def test_a_target_out_of_reach_is_code_1_and_optimize_refuses_it(folder: Path) -
     tried = invoke("optimize", out, *options, "--anyway")
     assert "ngspring: warning: q = 20 N" in tried.stderr
     assert (run / "design.npz").exists()
+
+
+def test_a_compression_test_is_turned_on_request(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n5,1\n10,2.5")
+    assert "give --compression" in invoke("targets", folder / "curve.csv").stdout
+    out = folder / "turned.toml"
+    result = invoke("targets", folder / "curve.csv", "--compression", "--write", out)
+    assert "note: --compression: both signs are turned" in result.stdout
+    points = SpringProblem.from_toml(out).control_points
+    assert [(p.d, p.q) for p in points] == [(-10.0, -2.5), (-5.0, -1.0)]
+
+
+def test_small_strains_are_shown_with_their_digits(folder: Path) -> None:
+    (folder / "curve.csv").write_text("d [mm],q [N]\n-0.02,-0.004\n0.54,0.1\n10,2")
+    text = invoke("targets", folder / "curve.csv").stdout
+    assert "-0.0002" in text
+    assert "+0.0054" in text
+    assert "+0.100" in text
 
 
 def test_robust_adds_the_dilated_point_of_the_paper(folder: Path) -> None:
@@ -422,7 +522,9 @@ def test_a_case_can_be_checked_as_it_is(name: str) -> None:
         ("targets CURVE --kinematics axisymmetric --thickness 3", "no thickness"),
         ("targets CURVE --write FOLDER/spring", "must end with .toml"),
         ("targets CURVE --write FOLDER/there.toml", "exists already"),
+        ("targets CURVE --write FOLDER/new/mine.toml", "new, make it first"),
         ("targets C7 --nu 0.3", "checked as it is"),
+        ("targets C7 --compression", "checked as it is"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(folder: Path, arguments: str, part: str) -> None:
@@ -432,6 +534,30 @@ def test_bad_input_is_one_line_and_code_2(folder: Path, arguments: str, part: st
     assert len(result.stderr.splitlines()) == 1
     assert part in result.stderr
     assert (folder / "there.toml").read_text() == ""
+    assert result.stdout == ""
+    assert sorted(path.name for path in folder.iterdir()) == ["curve.csv", "there.toml"]
+
+
+@pytest.mark.parametrize(
+    ("options", "lines", "hardness"),
+    [
+        (("--shore-a", 40), ["shore_A = 40"], 40.0),
+        (("--shore-a", 62.5, "--nu", 0.45), ["shore_A = 62.5", "nu = 0.45"], 62.5),
+        (("--material", "silicone"), ['material = "silicone"'], 30.0),
+        (("--material", "NBR", "--shore-a", 45), ['material = "NBR"', "shore_A = 45"], 45.0),
+    ],
+)
+def test_the_written_file_has_the_stiffness_as_it_was_given(
+    options: tuple[object, ...], lines: list[str], hardness: float, folder: Path
+) -> None:
+    out = folder / "mine.toml"
+    invoke("targets", folder / "curve.csv", *options, "--write", out)
+    keys = [line.partition("#")[0].strip() for line in out.read_text().splitlines()]
+    assert set(lines) <= set(keys)
+    assert not [key for key in keys if key.startswith("E =")]
+    nu = 0.45 if 0.45 in options else 0.4
+    problem = SpringProblem.from_toml(out)
+    assert bulk_and_shear_modulus(young_from_shore_A(hardness), nu) == (problem.K, problem.G)
 
 
 def test_materials_are_listed_with_hardness_and_modulus() -> None:
