@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ngspring.verification import Verification
 
 FORMATS = ("svg", "dxf", "step", "stl", "vtu", "msh")
+#: Suffixes of a format besides its own name.
+_OTHER_SUFFIXES = {"step": (".stp",)}
 
 _out_option = click.option(
     "--out",
@@ -236,20 +238,23 @@ def tolerance_table(outcome: Tolerance) -> Table:
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="File to write; beside the design by default, with its name.",
+    help="File to write; beside the design by default, with its name (and -solid for vtu).",
 )
 def export_command(name: str, kind: str, offset: float, out: Path | None) -> int:
     """Write the solid of a design, in mm and true size.
 
     The design is a file, a run folder, or the name of a stored design. svg and dxf hold the
     outlines; step and stl the solid, extruded by the thickness T or revolved about the axis; vtu
-    and msh the second-order mesh.
+    and msh the second-order mesh. The default name of a vtu file ends in -solid, because a run's
+    design.vtu holds the density on the grid.
     """
     from ngspring.export import export_body
     from ngspring.offsets import offset_level
 
+    if out is not None:
+        _check_suffix(out, kind)
     design, path = read_design(name)
-    target = path.with_suffix(f".{kind}") if out is None else out
+    target = _exported(path, kind) if out is None else out
     make_folder(target.parent)
     written = export_body(design, target, kind, level=offset_level(design, offset))
     what = "solid" if kind in ("step", "stl") else "outline" if kind in ("svg", "dxf") else "part"
@@ -259,3 +264,18 @@ def export_command(name: str, kind: str, offset: float, out: Path | None) -> int
     plural = "" if written.parts == 1 else "s"
     click.echo(f"{written.path}: {written.parts} {what}{plural}, {size}")
     return 0
+
+
+def _exported(path: Path, kind: str) -> Path:
+    """Default name of an exported file: never that of a run's own design.vtu."""
+    stem = f"{path.stem}-solid" if kind == "vtu" else path.stem
+    return path.with_name(f"{stem}.{kind}")
+
+
+def _check_suffix(out: Path, kind: str) -> None:
+    fitting = (f".{kind}", *_OTHER_SUFFIXES.get(kind, ()))
+    if out.suffix.lower() not in fitting:
+        found = f"the suffix {out.suffix}" if out.suffix else "a name without a suffix"
+        raise click.UsageError(
+            f"--out {out}: {found} does not fit --format {kind}, it must be {' or '.join(fitting)}"
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -252,6 +253,44 @@ def test_export_writes_a_file_and_says_how_large_it_is(stored: Path, tmp_path: P
     area = float(text.split(", ")[1].split()[0])
     assert area == pytest.approx(WIDTH * 100, rel=0.01)
     assert (tmp_path / "column.svg").exists()
+
+
+def test_an_exported_mesh_leaves_the_paraview_file_of_the_run_alone(
+    column: Design, tmp_path: Path
+) -> None:
+    column.save(tmp_path / "design.npz")
+    (tmp_path / "design.vtu").write_text("density on the grid")
+    code, text = run("export", tmp_path, "--format", "vtu")
+    assert code == 0, text
+    assert (tmp_path / "design.vtu").read_text() == "density on the grid"
+    assert "design-solid.vtu" in text
+    assert meshio.read(tmp_path / "design-solid.vtu").cells[0].type == "triangle6"
+
+
+@pytest.mark.parametrize(
+    ("out", "reason"),
+    [
+        ("x.step", "the suffix .step does not fit --format stl"),
+        ("x", "a name without a suffix does not fit --format stl"),
+    ],
+)
+def test_a_suffix_that_does_not_fit_the_format_is_refused(
+    stored: Path, tmp_path: Path, out: str, reason: str
+) -> None:
+    code, text = run("export", stored, "--format", "stl", "--out", tmp_path / "new" / out)
+    assert code == 2
+    assert reason in text
+    assert len(text.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("kind", "name"), [("stl", "x.STL"), ("step", "x.stp")])
+def test_other_spellings_of_a_suffix_are_accepted(
+    stored: Path, tmp_path: Path, kind: str, name: str
+) -> None:
+    code, text = run("export", stored, "--format", kind, "--out", tmp_path / name)
+    assert code == 0, text
+    assert (tmp_path / name).stat().st_size > 0
 
 
 @pytest.mark.parametrize(
