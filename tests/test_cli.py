@@ -27,6 +27,7 @@ from ngspring.errors import ConvergenceError
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.progress import LiveTable, deviation, duration
 from ngspring.report import make_console
+from ngspring.runstate import read_run
 
 PICTURES = ("convergence.png", "design.png")
 FILES = {
@@ -240,11 +241,32 @@ def test_response(copy: Path) -> None:
     lines = result.stdout.splitlines()
     assert lines[0].split() == ["d", "[mm]", "q", "[N]"]
     assert [float(line.split()[0]) for line in lines[1:]] == [-10.0, -2.5, 5.0]
-    table = np.genfromtxt(copy / "response.csv", delimiter=",", names=True)
+    table = np.genfromtxt(copy / "response-custom.csv", delimiter=",", names=True)
     assert table.dtype.names == ("d", "q", "energy", "stiffness")
     assert table["q"][0] == pytest.approx(-2.0, rel=1e-3)
     assert float(lines[1].split()[1]) == pytest.approx(table["q"][0], rel=1e-8)
-    assert imread(copy / "response.png").ndim == 3
+    assert imread(copy / "response-custom.png").ndim == 3
+    assert "response-custom.csv, response-custom.png" in result.stderr
+
+
+@pytest.mark.parametrize("options", [("--points", 3), ("--to", 5), ("--from", -5)])
+def test_another_curve_leaves_that_of_the_report_alone(
+    copy: Path, options: tuple[object, ...]
+) -> None:
+    before = (copy / "response.csv").read_bytes()
+    invoke("response", copy, *options, "--threads", 1)
+    assert (copy / "response.csv").read_bytes() == before
+    assert not (copy / "response.png").exists()
+    assert (copy / "response-custom.csv").exists()
+
+
+def test_the_default_curve_has_the_name_the_report_reads(copy: Path) -> None:
+    (copy / "response.csv").unlink()
+    # Saying what is the default anyway does not make another curve.
+    invoke("response", copy, "--from", -10, "--to", 0, "--points", 41, "--threads", 1)
+    assert read_run(copy).curve is not None
+    assert (copy / "response.png").exists()
+    assert not list(copy.glob("*custom*"))
 
 
 def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
@@ -252,7 +274,7 @@ def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
     options = ("--points", 2, "--domain", "full", "--out", out, "--threads", 1)
     result = invoke("response", copy / "design.npz", *options)
     assert [float(line.split()[0]) for line in result.stdout.splitlines()[1:]] == [-10.0, 0.0]
-    assert {path.name for path in out.iterdir()} == {"response.csv", "response.png"}
+    assert {path.name for path in out.iterdir()} == {"response-custom.csv", "response-custom.png"}
 
 
 def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,9 +292,10 @@ def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -
     displacements = [float(line.split()[0]) for line in result.stdout.splitlines()[1:]]
     assert displacements == [-6.0, -2.0]
     assert "the path ends at d = -8 mm" in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert len((copy / "response.csv").read_text().splitlines()) == 3
-    assert (copy / "response.png").exists()
+    # One line about the files, one about the end.
+    assert result.stderr.count("\n") == 2
+    assert len((copy / "response-custom.csv").read_text().splitlines()) == 3
+    assert (copy / "response-custom.png").exists()
     assert "not reached" in invoke("show", copy, "--threads", 1, code=3).stdout
 
 
