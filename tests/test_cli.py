@@ -26,7 +26,7 @@ from ngspring.design import Design
 from ngspring.errors import ConvergenceError
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.progress import LiveTable, deviation, duration
-from ngspring.report import make_console
+from ngspring.report import make_console, response_lines
 from ngspring.runstate import read_run
 
 PICTURES = ("convergence.png", "design.png")
@@ -114,7 +114,7 @@ def test_piped_output_is_plain_lines(finished: SimpleNamespace) -> None:
 def test_summary_of_a_run(finished: SimpleNamespace) -> None:
     tail = finished.out[finished.out.rindex("update ") :]
     assert re.search(r"-2\.0\d+ |-1\.9\d+ ", tail)
-    assert re.search(r"[+-]0\.0\d\d %", tail)
+    assert re.search(r"[+-]?0\.0\d\d %", tail)
     for part in ("W/H = 0.", "design updates", "Newton iterations", "converged to dt = ∞"):
         assert part in tail
     assert "files in runs/mine: design.npz, history.csv" in tail
@@ -269,6 +269,17 @@ def test_the_default_curve_has_the_name_the_report_reads(copy: Path) -> None:
     assert not list(copy.glob("*custom*"))
 
 
+def test_a_spring_at_rest_carries_nothing(copy: Path) -> None:
+    lines = invoke("response", copy, "--points", 3, "--to", 10, "--threads", 1).stdout.splitlines()
+    assert lines[2].split() == ["0", "0"]
+
+
+def test_what_rounding_leaves_of_nothing_is_printed_as_nothing() -> None:
+    response: Any = SimpleNamespace(d=[-10.0, -0.0, 1e-3], q=[-2.0, 3.3e-16, 1e-6])
+    rows = [line.split() for line in response_lines(response)[1:]]
+    assert rows == [["-10", "-2"], ["0", "0"], ["0.001", "1e-06"]]
+
+
 def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
     options = ("--points", 2, "--domain", "full", "--out", out, "--threads", 1)
@@ -305,7 +316,7 @@ def test_show(copy: Path, tmp_path: Path) -> None:
     assert "mine: plane strain, 12 x 12 elements (quarter)" in out
     assert "start: column" in out
     assert "converged to dt = ∞" in out
-    assert re.search(r"-10 .* -2 .* -(2\.0|1\.9)\d+ .* [+-]0\.\d+ %", out)
+    assert re.search(r"-10 .* -2 .* -(2\.0|1\.9)\d+ .* [+-]?0\.\d+ %", out)
     assert (copy / "design.png").exists()
     invoke("show", copy, "--out", tmp_path / "other.png", "--threads", 1)
     assert (tmp_path / "other.png").exists()
@@ -415,6 +426,8 @@ def test_formats() -> None:
     assert duration(59.9) == "0:59"
     assert deviation(-2.002, -2.0) == "-0.100 %"
     assert deviation(0.5, 0.0) == "+5.00e-01 N"
+    # What is rounded to 0 has no sign, on either side.
+    assert deviation(-2.0 + 1e-9, -2.0) == deviation(-2.0 - 1e-9, -2.0) == "0.000 %"
 
 
 # -- bad input -------------------------------------------------------------------------------------
