@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ngspring.arguments import make_folder, read_design
+from ngspring.labels import number, signed_percent
 from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
@@ -116,10 +117,10 @@ def verification_table(outcome: Verification) -> Table:
         table.add_row(
             f"{verdict.point.d:g}",
             f"{verdict.point.q:g}",
-            f"{verdict.q_third_medium:.4f}",
-            f"{verdict.q_contact:.4f}",
-            f"{verdict.deviation:+.4f}",
-            f"{100 * verdict.relative:+.2f} %",
+            number(verdict.q_third_medium, ".4f"),
+            number(verdict.q_contact, ".4f"),
+            number(verdict.deviation, "+.4f"),
+            signed_percent(verdict.relative, 2),
         )
     d, deviation, relative = outcome.largest_deviation
     table.add_section()
@@ -201,10 +202,10 @@ def tolerance_command(
     write_text(folder / "tolerance.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
     save_figure(tolerance_figure(outcome), folder / "tolerance.png")
     click.echo(f"files in {folder}: tolerance.json, tolerance.png")
-    messages = [f"offset {c.offset:+g} mm: {c.message}" for c in outcome.curves if c.message]
-    for message in messages:
-        click.echo(f"incomplete: {message}", err=True)
-    return NOT_CONVERGED if messages else 0
+    lines = tolerance_lines(outcome)
+    for line in lines:
+        click.echo(f"incomplete: {line}", err=True)
+    return NOT_CONVERGED if lines else 0
 
 
 def tolerance_table(outcome: Tolerance) -> Table:
@@ -217,12 +218,27 @@ def tolerance_table(outcome: Tolerance) -> Table:
     for point in outcome.points:
         table.add_column(f"q({point.d:g}) [N]", justify="right")
     for curve in outcome.curves:
-        forces = [f"{curve.q(point.d):.4f}" for point in outcome.points]
-        table.add_row(f"{curve.offset:+g}", f"{curve.level:+.3f}", *forces)
+        forces = [number(curve.q(point.d), ".4f") for point in outcome.points]
+        table.add_row(f"{curve.offset:+g}", number(curve.level, "+.3f"), *forces)
     table.add_section()
-    slopes = [f"{outcome.sensitivity(point.d):+.3f}" for point in outcome.points]
+    slopes = [number(outcome.sensitivity(point.d), "+.3f") for point in outcome.points]
     table.add_row("dq/d(offset)", "[N/mm]", *slopes)
     return table
+
+
+def tolerance_lines(outcome: Tolerance) -> list[str]:
+    """What the dashes in the table mean: where which path ended, in sentences."""
+    lines = []
+    for curve in outcome.curves:
+        if curve.contact is None:
+            lines.append(f"offset {curve.offset:+g} mm: there is no such solid: {curve.message}")
+        elif curve.message:
+            what = "a thinner spring" if curve.offset < 0 else "the spring"
+            lines.append(
+                f"offset {curve.offset:+g} mm: {curve.message}; {what} may buckle there"
+                " (see ngspring stability)"
+            )
+    return lines
 
 
 @click.command("export", short_help="Drawing, solid or mesh for a workshop.")
