@@ -145,10 +145,19 @@ class Verification:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A plain sentence for each control point that deviates by more than 5 %, and more."""
+        """A plain sentence for each control point that deviates by more than 5 %, and more.
+
+        A wall thinner than l_i is all interface: the optimiser never saw it as solid.
+        """
         found = []
         for verdict in self.points:
             if not np.isfinite(verdict.q_contact):
+        if self.smallest_wall < self.design.problem.l_i:
+            found.append(
+                f"The smallest wall ({self.smallest_wall:.3g} mm) is thinner than the interface l_i"
+                f" ({self.design.problem.l_i:.3g} mm): it was grey to the optimiser. Repeat with"
+                " more elements and a smaller l_i before making the part."
+            )
                 found.append(f"the solid's path did not reach d = {verdict.point.d:g} mm.")
             elif abs(verdict.relative) > REMARKABLE:
                 word = "stiffer" if verdict.relative > 0 else "softer"
