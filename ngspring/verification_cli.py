@@ -100,7 +100,7 @@ def verify_command(
 
 
 def verification_table(outcome: Verification) -> Table:
-    """One row per control point, and one for the largest deviation over the path."""
+    """One row per control point."""
     from rich.table import Table
 
     table = Table()
@@ -122,20 +122,20 @@ def verification_table(outcome: Verification) -> Table:
             number(verdict.deviation, "+.4f"),
             signed_percent(verdict.relative, 2),
         )
-    d, deviation, relative = outcome.largest_deviation
-    table.add_section()
-    table.add_row(f"{d:g}", "", "", "largest", f"{deviation:+.4f}", f"{100 * relative:+.2f} %")
     return table
 
 
 def verification_lines(outcome: Verification) -> list[str]:
     """What else there is to know, in sentences."""
+    from ngspring.verification import deviation_text
+
     contact, quality = outcome.contact, outcome.body.quality
     starts = contact.contact_starts
     lines = [
+        f"largest deviation in force: {deviation_text(*outcome.largest_deviation)}",
         f"contact starts at d = {', '.join(f'{d:.3f}' for d in starts)} mm"
         if starts
-        else "no contact on the path"
+        else "no contact on the path",
     ]
     stretch, x, y = outcome.largest_stretch
     lines.append(f"largest principal stretch: {stretch:.3f}, at x = {x:.1f}, y = {y:.1f} mm")
@@ -144,7 +144,7 @@ def verification_lines(outcome: Verification) -> list[str]:
         lines.append(
             f"mesh: {quality.elements} elements, at least {quality.elements_across} across a wall,"
             f" smallest angle {quality.smallest_angle:.0f} degrees,"
-            f" area {100 * quality.area_error:+.4f} %"
+            f" area {signed_percent(quality.area_error, 4)}"
         )
     return [*lines, *outcome.remarks]
 
