@@ -25,7 +25,7 @@ CURVE = "response"
     type=click.IntRange(min=2),
     default=41,
     show_default=True,
-    help="Displacements between the ends of the range.",
+    help="Displacements over the range, its ends among them.",
 )
 @domain_option
 @click.option(
