@@ -116,7 +116,7 @@ def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, st
 
 
 def displacements_between(
-    design: Design, low: float | None, high: float | None, points: int
+    design: Design, low: float | None = None, high: float | None = None, points: int = 41
 ) -> FloatArray:
     """Evenly spaced displacements in mm for ``--from``, ``--to`` and ``--points``.
 

@@ -6,22 +6,32 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from ngspring.arguments import displacements_between, make_folder, read_design
 from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.options import FAILED, NOT_CONVERGED, OK, domain_option, threads_option
+
+#: Name of the curve's files; a run has one of the csv already.
+CURVE = "response"
 
 
 @click.command("response", short_help="Load-displacement curve of a design.")
 @click.argument("name", metavar="DESIGN")
 @click.option("--from", "low", type=float, help="First displacement d in mm.")
 @click.option("--to", "high", type=float, help="Last displacement d in mm.")
-@click.option("--points", type=click.IntRange(min=2), default=41, show_default=True)
+@click.option(
+    "--points",
+    type=click.IntRange(min=2),
+    default=41,
+    show_default=True,
+    help="Displacements over the range, its ends among them.",
+)
 @domain_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for response.csv and response.png; the design's own by default.",
+    help="Folder for the .csv and the .png; the design's own by default.",
 )
 @threads_option
 def response_command(
@@ -35,7 +45,10 @@ def response_command(
 ) -> int:
     """Load-displacement curve of a design: a file, a run folder, or the name of a stored design.
 
-    The range goes from zero to the outermost control points by default.
+    The range goes from zero to the outermost control points by default. Written are response.csv,
+    with d in mm, q in N, the strain energy in N mm and the stiffness dq/dd in N/mm, and
+    response.png. With another range or number of points they are response-custom.csv and
+    response-custom.png, because the report of a run draws the curve in its response.csv.
     """
     from ngspring.files import write_text
     from ngspring.plots import response_figure, save_figure
@@ -44,13 +57,17 @@ def response_command(
 
     design, path = read_design(name)
     displacements = displacements_between(design, low, high, points)
+    custom = not np.array_equal(displacements, displacements_between(design))
+    stem = f"{CURVE}-custom" if custom else CURVE
     response = load_displacement(design, displacements, domain, threads=threads)
     for line in response_lines(response):
         click.echo(line)
     folder = path.parent if out is None else out
     make_folder(folder)
-    write_text(folder / "response.csv", response_csv(response))
-    save_figure(response_figure(response, design.problem), folder / "response.png")
+    write_text(folder / f"{stem}.csv", response_csv(response))
+    save_figure(response_figure(response, design.problem), folder / f"{stem}.png")
+    # The standard output holds nothing but the table.
+    click.echo(f"files in {folder}: {stem}.csv, {stem}.png", err=True)
     if not response.complete:
         click.echo(f"incomplete: {response.message}", err=True)
         return NOT_CONVERGED

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from ngspring.problem import ControlPoint, SpringProblem
 
 
@@ -13,3 +15,16 @@ def width_symbol(problem: SpringProblem) -> str:
 def point_label(point: ControlPoint) -> str:
     """Displacement of a control point, with the offset of chi if there is one."""
     return f"d = {point.d:g} mm" + (f", η = {point.eta:g}" if point.eta else "")
+
+
+def number(value: float, form: str) -> str:
+    """A number in a table; a dash where there is none."""
+    return format(value, form) if math.isfinite(value) else "-"
+
+
+def signed_percent(share: float, digits: int) -> str:
+    """A share in percent with its sign, without one where it is rounded to 0; a dash for NaN."""
+    if not math.isfinite(share):
+        return "-"
+    text = f"{100 * share:+.{digits}f}"
+    return f"{text if float(text) else text[1:]} %"

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from ngspring.labels import point_label, width_symbol
+from ngspring.labels import point_label, signed_percent, width_symbol
 from ngspring.problem import SpringProblem
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class LiveTable:
 
 def deviation(q: float, target: float) -> str:
     """Deviation of a force from its target in percent."""
-    return f"{100 * (q - target) / abs(target):+.3f} %" if target else f"{q:+.2e} N"
+    return signed_percent((q - target) / abs(target), 3) if target else f"{q:+.2e} N"
 
 
 @contextmanager

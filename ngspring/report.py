@@ -91,8 +91,11 @@ def history_line(history: History) -> str:
 def response_lines(response: Response) -> list[str]:
     """Displacements and forces in two columns."""
     lines = [f"{'d [mm]':>12} {'q [N]':>16}"]
+    # At rest the force is what rounding leaves of 0.
+    smallest = 1e-12 * max(map(abs, response.q), default=0.0)
     for d, q in zip(response.d, response.q, strict=True):
-        lines.append(f"{d:12.6g} {q:16.9g}")
+        # Adding 0 takes the sign of -0 away.
+        lines.append(f"{d + 0.0:12.6g} {q if abs(q) > smallest else 0.0:16.9g}")
     return lines
 
 

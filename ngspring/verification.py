@@ -22,6 +22,7 @@ from ngspring.contact_response import (
 )
 from ngspring.design import Design
 from ngspring.files import finite_or_none
+from ngspring.labels import signed_percent
 from ngspring.outline import outline
 from ngspring.problem import ControlPoint
 from ngspring.response import Response, load_displacement
@@ -104,24 +105,15 @@ class Verification:
 
     @property
     def largest_deviation(self) -> tuple[float, float, float]:
-        """The largest deviation over the path.
+        """The largest deviation in force over the path.
 
         Returns
         -------
         d, deviation, relative : float
-            Displacement in mm, deviation in N, and the deviation relative to the largest force of
-            the third medium on the same side (compression or tension), positive where the solid is
-            stiffer.
+            Displacement in mm, deviation in N, and the deviation relative to the third medium's
+            force there, as in `PointVerdict`: positive where the solid is stiffer.
         """
-        d, q, q_contact = self.path
-        deviation = q_contact - q
-        if not len(d):
-            return float("nan"), float("nan"), float("nan")
-        size = np.array([np.abs(q[d * x > 0]).max(initial=0.0) for x in d])
-        towards = deviation * np.sign(q)
-        relative = np.divide(towards, size, out=np.zeros_like(q), where=size > 0)
-        k = int(np.abs(relative).argmax())
-        return float(d[k]), float(deviation[k]), float(relative[k])
+        return largest_deviation(*self.path)
 
     @property
     def largest_stretch(self) -> tuple[float, float, float]:
@@ -145,7 +137,10 @@ class Verification:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A plain sentence for each control point that deviates by more than 5 %, and more."""
+        """A plain sentence for each control point that deviates by more than 5 %, and more.
+
+        A wall thinner than l_i is all interface: the optimiser never saw it as solid.
+        """
         found = []
         for verdict in self.points:
             if not np.isfinite(verdict.q_contact):
@@ -157,6 +152,12 @@ class Verification:
                     f" % {word} than the third medium says"
                     f" ({verdict.q_contact:.3f} against {verdict.q_third_medium:.3f} N)."
                 )
+        if self.smallest_wall < self.design.problem.l_i:
+            found.append(
+                f"The smallest wall ({self.smallest_wall:.3g} mm) is thinner than the interface l_i"
+                f" ({self.design.problem.l_i:.3g} mm): it was grey to the optimiser. Repeat with"
+                " more elements and a smaller l_i before making the part."
+            )
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -261,6 +262,37 @@ def verify(
 def smallest_wall(design: Design, level: float = 0.0) -> float:
     """Diameter in mm of the smallest disc in {chi > level} that touches opposite surfaces."""
     return float(np.min(survey(outline(design, level=level)).thickness, initial=np.inf))
+
+
+def largest_deviation(
+    d: FloatArray, q: FloatArray, q_contact: FloatArray
+) -> tuple[float, float, float]:
+    """Where two curves are furthest apart in force.
+
+    Parameters
+    ----------
+    d, q, q_contact : arrays (points,)
+        Displacements in mm, and forces in N by the third medium and by real contact.
+
+    Returns
+    -------
+    d, deviation, relative : float
+        See `Verification.largest_deviation`; NaN for empty curves, and the last one where q = 0.
+    """
+    if not len(d):
+        return float("nan"), float("nan"), float("nan")
+    deviation = q_contact - q
+    k = int(np.abs(deviation).argmax())
+    relative = float(deviation[k] / q[k]) if q[k] else float("nan")
+    return float(d[k]), float(deviation[k]), relative
+
+
+def deviation_text(d: float, deviation: float, relative: float) -> str:
+    """The largest deviation in words: in N, in percent, and where."""
+    if not np.isfinite(d):
+        return "no deviation in force known"
+    share = f" ({signed_percent(relative, 1)})" if np.isfinite(relative) else ""
+    return f"{abs(deviation):.3g} N{share} at d = {d:g} mm"
 
 
 def _largest(values: FloatArray) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ngspring.arguments import make_folder, read_design
+from ngspring.labels import number, signed_percent
 from ngspring.options import NOT_CONVERGED, threads_option
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from ngspring.verification import Verification
 
 FORMATS = ("svg", "dxf", "step", "stl", "vtu", "msh")
+#: Suffixes of a format besides its own name.
+_OTHER_SUFFIXES = {"step": (".stp",)}
 
 _out_option = click.option(
     "--out",
@@ -97,7 +100,7 @@ def verify_command(
 
 
 def verification_table(outcome: Verification) -> Table:
-    """One row per control point, and one for the largest deviation over the path."""
+    """One row per control point."""
     from rich.table import Table
 
     table = Table()
@@ -114,25 +117,25 @@ def verification_table(outcome: Verification) -> Table:
         table.add_row(
             f"{verdict.point.d:g}",
             f"{verdict.point.q:g}",
-            f"{verdict.q_third_medium:.4f}",
-            f"{verdict.q_contact:.4f}",
-            f"{verdict.deviation:+.4f}",
-            f"{100 * verdict.relative:+.2f} %",
+            number(verdict.q_third_medium, ".4f"),
+            number(verdict.q_contact, ".4f"),
+            number(verdict.deviation, "+.4f"),
+            signed_percent(verdict.relative, 2),
         )
-    d, deviation, relative = outcome.largest_deviation
-    table.add_section()
-    table.add_row(f"{d:g}", "", "", "largest", f"{deviation:+.4f}", f"{100 * relative:+.2f} %")
     return table
 
 
 def verification_lines(outcome: Verification) -> list[str]:
     """What else there is to know, in sentences."""
+    from ngspring.verification import deviation_text
+
     contact, quality = outcome.contact, outcome.body.quality
     starts = contact.contact_starts
     lines = [
+        f"largest deviation in force: {deviation_text(*outcome.largest_deviation)}",
         f"contact starts at d = {', '.join(f'{d:.3f}' for d in starts)} mm"
         if starts
-        else "no contact on the path"
+        else "no contact on the path",
     ]
     stretch, x, y = outcome.largest_stretch
     lines.append(f"largest principal stretch: {stretch:.3f}, at x = {x:.1f}, y = {y:.1f} mm")
@@ -141,7 +144,7 @@ def verification_lines(outcome: Verification) -> list[str]:
         lines.append(
             f"mesh: {quality.elements} elements, at least {quality.elements_across} across a wall,"
             f" smallest angle {quality.smallest_angle:.0f} degrees,"
-            f" area {100 * quality.area_error:+.4f} %"
+            f" area {signed_percent(quality.area_error, 4)}"
         )
     return [*lines, *outcome.remarks]
 
@@ -199,10 +202,10 @@ def tolerance_command(
     write_text(folder / "tolerance.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
     save_figure(tolerance_figure(outcome), folder / "tolerance.png")
     click.echo(f"files in {folder}: tolerance.json, tolerance.png")
-    messages = [f"offset {c.offset:+g} mm: {c.message}" for c in outcome.curves if c.message]
-    for message in messages:
-        click.echo(f"incomplete: {message}", err=True)
-    return NOT_CONVERGED if messages else 0
+    lines = tolerance_lines(outcome)
+    for line in lines:
+        click.echo(f"incomplete: {line}", err=True)
+    return NOT_CONVERGED if lines else 0
 
 
 def tolerance_table(outcome: Tolerance) -> Table:
@@ -215,12 +218,27 @@ def tolerance_table(outcome: Tolerance) -> Table:
     for point in outcome.points:
         table.add_column(f"q({point.d:g}) [N]", justify="right")
     for curve in outcome.curves:
-        forces = [f"{curve.q(point.d):.4f}" for point in outcome.points]
-        table.add_row(f"{curve.offset:+g}", f"{curve.level:+.3f}", *forces)
+        forces = [number(curve.q(point.d), ".4f") for point in outcome.points]
+        table.add_row(f"{curve.offset:+g}", number(curve.level, "+.3f"), *forces)
     table.add_section()
-    slopes = [f"{outcome.sensitivity(point.d):+.3f}" for point in outcome.points]
+    slopes = [number(outcome.sensitivity(point.d), "+.3f") for point in outcome.points]
     table.add_row("dq/d(offset)", "[N/mm]", *slopes)
     return table
+
+
+def tolerance_lines(outcome: Tolerance) -> list[str]:
+    """What the dashes in the table mean: where which path ended, in sentences."""
+    lines = []
+    for curve in outcome.curves:
+        if curve.contact is None:
+            lines.append(f"offset {curve.offset:+g} mm: there is no such solid: {curve.message}")
+        elif curve.message:
+            what = "a thinner spring" if curve.offset < 0 else "the spring"
+            lines.append(
+                f"offset {curve.offset:+g} mm: {curve.message}; {what} may buckle there"
+                " (see ngspring stability)"
+            )
+    return lines
 
 
 @click.command("export", short_help="Drawing, solid or mesh for a workshop.")
@@ -236,20 +254,23 @@ def tolerance_table(outcome: Tolerance) -> Table:
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="File to write; beside the design by default, with its name.",
+    help="File to write; beside the design by default, with its name (and -solid for vtu).",
 )
 def export_command(name: str, kind: str, offset: float, out: Path | None) -> int:
     """Write the solid of a design, in mm and true size.
 
     The design is a file, a run folder, or the name of a stored design. svg and dxf hold the
     outlines; step and stl the solid, extruded by the thickness T or revolved about the axis; vtu
-    and msh the second-order mesh.
+    and msh the second-order mesh. The default name of a vtu file ends in -solid, because a run's
+    design.vtu holds the density on the grid.
     """
     from ngspring.export import export_body
     from ngspring.offsets import offset_level
 
+    if out is not None:
+        _check_suffix(out, kind)
     design, path = read_design(name)
-    target = path.with_suffix(f".{kind}") if out is None else out
+    target = _exported(path, kind) if out is None else out
     make_folder(target.parent)
     written = export_body(design, target, kind, level=offset_level(design, offset))
     what = "solid" if kind in ("step", "stl") else "outline" if kind in ("svg", "dxf") else "part"
@@ -259,3 +280,18 @@ def export_command(name: str, kind: str, offset: float, out: Path | None) -> int
     plural = "" if written.parts == 1 else "s"
     click.echo(f"{written.path}: {written.parts} {what}{plural}, {size}")
     return 0
+
+
+def _exported(path: Path, kind: str) -> Path:
+    """Default name of an exported file: never that of a run's own design.vtu."""
+    stem = f"{path.stem}-solid" if kind == "vtu" else path.stem
+    return path.with_name(f"{stem}.{kind}")
+
+
+def _check_suffix(out: Path, kind: str) -> None:
+    fitting = (f".{kind}", *_OTHER_SUFFIXES.get(kind, ()))
+    if out.suffix.lower() not in fitting:
+        found = f"the suffix {out.suffix}" if out.suffix else "a name without a suffix"
+        raise click.UsageError(
+            f"--out {out}: {found} does not fit --format {kind}, it must be {' or '.join(fitting)}"
+        )

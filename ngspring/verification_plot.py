@@ -16,7 +16,7 @@ from ngspring.contact_response import ContactResponse
 from ngspring.plots import draw_curve, new_figure
 from ngspring.splines import FloatArray
 from ngspring.states import index_of
-from ngspring.verification import Verification
+from ngspring.verification import Verification, deviation_text
 
 _SMALL = 8
 _PIECES = 3
@@ -128,9 +128,9 @@ def verification_figure(verification: Verification) -> Figure:
             color="0.3",
         )
     axes.legend(fontsize=_SMALL, loc="upper left")
-    place, _, relative = verification.largest_deviation
-    found = f"largest deviation {100 * relative:+.1f} % at d = {place:g} mm"
-    axes.set_title(f"{problem.name or 'spring'}: {found}", fontsize=10)
+    found = deviation_text(*verification.largest_deviation)
+    # On lines of their own: together they are wider than the picture.
+    axes.set_title(f"{problem.name or 'spring'}\nlargest deviation in force: {found}", fontsize=9)
     return figure
 
 

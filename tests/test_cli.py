@@ -26,7 +26,8 @@ from ngspring.design import Design
 from ngspring.errors import ConvergenceError
 from ngspring.problem import ControlPoint, SpringProblem
 from ngspring.progress import LiveTable, deviation, duration
-from ngspring.report import make_console
+from ngspring.report import make_console, response_lines
+from ngspring.runstate import read_run
 
 PICTURES = ("convergence.png", "design.png")
 FILES = {
@@ -113,7 +114,7 @@ def test_piped_output_is_plain_lines(finished: SimpleNamespace) -> None:
 def test_summary_of_a_run(finished: SimpleNamespace) -> None:
     tail = finished.out[finished.out.rindex("update ") :]
     assert re.search(r"-2\.0\d+ |-1\.9\d+ ", tail)
-    assert re.search(r"[+-]0\.0\d\d %", tail)
+    assert re.search(r"[+-]?0\.0\d\d %", tail)
     for part in ("W/H = 0.", "design updates", "Newton iterations", "converged to dt = ∞"):
         assert part in tail
     assert "files in runs/mine: design.npz, history.csv" in tail
@@ -243,11 +244,43 @@ def test_response(copy: Path) -> None:
     lines = result.stdout.splitlines()
     assert lines[0].split() == ["d", "[mm]", "q", "[N]"]
     assert [float(line.split()[0]) for line in lines[1:]] == [-10.0, -2.5, 5.0]
-    table = np.genfromtxt(copy / "response.csv", delimiter=",", names=True)
+    table = np.genfromtxt(copy / "response-custom.csv", delimiter=",", names=True)
     assert table.dtype.names == ("d", "q", "energy", "stiffness")
     assert table["q"][0] == pytest.approx(-2.0, rel=1e-3)
     assert float(lines[1].split()[1]) == pytest.approx(table["q"][0], rel=1e-8)
-    assert imread(copy / "response.png").ndim == 3
+    assert imread(copy / "response-custom.png").ndim == 3
+    assert "response-custom.csv, response-custom.png" in result.stderr
+
+
+@pytest.mark.parametrize("options", [("--points", 3), ("--to", 5), ("--from", -5)])
+def test_another_curve_leaves_that_of_the_report_alone(
+    copy: Path, options: tuple[object, ...]
+) -> None:
+    before = (copy / "response.csv").read_bytes()
+    invoke("response", copy, *options, "--threads", 1)
+    assert (copy / "response.csv").read_bytes() == before
+    assert not (copy / "response.png").exists()
+    assert (copy / "response-custom.csv").exists()
+
+
+def test_the_default_curve_has_the_name_the_report_reads(copy: Path) -> None:
+    (copy / "response.csv").unlink()
+    # Saying what is the default anyway does not make another curve.
+    invoke("response", copy, "--from", -10, "--to", 0, "--points", 41, "--threads", 1)
+    assert read_run(copy).curve is not None
+    assert (copy / "response.png").exists()
+    assert not list(copy.glob("*custom*"))
+
+
+def test_a_spring_at_rest_carries_nothing(copy: Path) -> None:
+    lines = invoke("response", copy, "--points", 3, "--to", 10, "--threads", 1).stdout.splitlines()
+    assert lines[2].split() == ["0", "0"]
+
+
+def test_what_rounding_leaves_of_nothing_is_printed_as_nothing() -> None:
+    response: Any = SimpleNamespace(d=[-10.0, -0.0, 1e-3], q=[-2.0, 3.3e-16, 1e-6])
+    rows = [line.split() for line in response_lines(response)[1:]]
+    assert rows == [["-10", "-2"], ["0", "0"], ["0.001", "1e-06"]]
 
 
 def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
@@ -255,7 +288,7 @@ def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
     options = ("--points", 2, "--domain", "full", "--out", out, "--threads", 1)
     result = invoke("response", copy / "design.npz", *options)
     assert [float(line.split()[0]) for line in result.stdout.splitlines()[1:]] == [-10.0, 0.0]
-    assert {path.name for path in out.iterdir()} == {"response.csv", "response.png"}
+    assert {path.name for path in out.iterdir()} == {"response-custom.csv", "response-custom.png"}
 
 
 def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,9 +306,10 @@ def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -
     displacements = [float(line.split()[0]) for line in result.stdout.splitlines()[1:]]
     assert displacements == [-6.0, -2.0]
     assert "the path ends at d = -8 mm" in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert len((copy / "response.csv").read_text().splitlines()) == 3
-    assert (copy / "response.png").exists()
+    # One line about the files, one about the end.
+    assert result.stderr.count("\n") == 2
+    assert len((copy / "response-custom.csv").read_text().splitlines()) == 3
+    assert (copy / "response-custom.png").exists()
     assert "not reached" in invoke("show", copy, "--threads", 1, code=3).stdout
 
 
@@ -285,7 +319,7 @@ def test_show(copy: Path, tmp_path: Path) -> None:
     assert "mine: plane strain, 12 x 12 elements (quarter)" in out
     assert "start: column" in out
     assert "converged to dt = ∞" in out
-    assert re.search(r"-10 .* -2 .* -(2\.0|1\.9)\d+ .* [+-]0\.\d+ %", out)
+    assert re.search(r"-10 .* -2 .* -(2\.0|1\.9)\d+ .* [+-]?0\.\d+ %", out)
     assert (copy / "design.png").exists()
     invoke("show", copy, "--out", tmp_path / "other.png", "--threads", 1)
     assert (tmp_path / "other.png").exists()
@@ -405,6 +439,8 @@ def test_formats() -> None:
     assert duration(59.9) == "0:59"
     assert deviation(-2.002, -2.0) == "-0.100 %"
     assert deviation(0.5, 0.0) == "+5.00e-01 N"
+    # What is rounded to 0 has no sign, on either side.
+    assert deviation(-2.0 + 1e-9, -2.0) == deviation(-2.0 - 1e-9, -2.0) == "0.000 %"
 
 
 # -- bad input -------------------------------------------------------------------------------------
@@ -506,7 +542,7 @@ def test_bad_arguments(
 @pytest.mark.parametrize("option", ["--from nan", "--to inf", "--to 100", "--points 1"])
 def test_bad_range(copy: Path, option: str) -> None:
     complaint("response", copy, *option.split())
-    assert not (copy / "response.png").exists()
+    assert not list(copy.glob("response*.png"))
 
 
 def test_bad_design_files(copy: Path, tmp_path: Path) -> None:

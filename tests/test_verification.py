@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rich.table import Table
 from scipy.optimize import brentq
 
 from ngspring.bodymesh import mesh_body
@@ -19,9 +22,22 @@ from ngspring.offsets import Tolerance, offset_level, tolerance
 from ngspring.offsets_plot import tolerance_figure
 from ngspring.plots import save_figure
 from ngspring.problem import ControlPoint, SpringProblem
+from ngspring.report import make_console
 from ngspring.splines import FloatArray
 from ngspring.stored import gallery
-from ngspring.verification import Verification, smallest_wall, verify
+from ngspring.verification import (
+    Verification,
+    deviation_text,
+    largest_deviation,
+    smallest_wall,
+    verify,
+)
+from ngspring.verification_cli import (
+    tolerance_lines,
+    tolerance_table,
+    verification_lines,
+    verification_table,
+)
 from ngspring.verification_plot import (
     contact_states_figure,
     meshes_figure,
@@ -118,7 +134,55 @@ def test_the_verdict_compares_both_curves_at_the_control_points(verified: Verifi
     place, deviation, relative = verified.largest_deviation
     k = int(np.flatnonzero(d == place)[0])
     assert deviation == q_contact[k] - q[k]
-    assert abs(relative) == max(abs(v.relative) for v in verified.points)
+    assert abs(deviation) == abs(q_contact - q).max()
+    assert relative == deviation / q[k]
+
+
+def test_the_largest_deviation_is_the_largest_in_force_and_a_share_of_the_force_there() -> None:
+    d, q = np.array([-20.0, -10.0, 0.0, 10.0]), np.array([-4.0, -2.0, 0.0, 2.0])
+    found = largest_deviation(d, q, np.array([-4.26, -2.2, 0.0, 2.21]))
+    assert found == pytest.approx((-20.0, -0.26, 0.065))
+    assert deviation_text(*found) == "0.26 N (+6.5 %) at d = -20 mm"
+    # No share of nothing.
+    assert deviation_text(*largest_deviation(d, q, q + (d == 0) * 0.1)) == "0.1 N at d = 0 mm"
+    assert "nan" not in deviation_text(*largest_deviation(d[:0], q[:0], q[:0]))
+
+
+def test_the_largest_deviation_is_the_same_in_the_picture_and_in_the_lines(
+    verified: Verification,
+) -> None:
+    text = f"largest deviation in force: {deviation_text(*verified.largest_deviation)}"
+    assert text in verification_figure(verified).axes[0].get_title()
+    assert verification_lines(verified)[0] == text
+
+
+def test_a_wall_thinner_than_the_interface_gets_a_remark(verified: Verification) -> None:
+    interface = verified.design.problem.l_i
+    thin = dataclasses.replace(verified, smallest_wall=interface - 0.5)
+    *others, remark = thin.remarks
+    assert tuple(others) == verified.remarks
+    assert remark.startswith("The smallest wall (1.5 mm) is thinner than the interface l_i (2 mm)")
+    assert remark in verification_lines(thin)
+    assert dataclasses.replace(verified, smallest_wall=interface).remarks == verified.remarks
+
+
+def test_a_control_point_that_was_not_reached_is_a_dash(verified: Verification) -> None:
+    kept = {name: getattr(verified.contact, name)[1:] for name in ("d", "q")}
+    outcome = dataclasses.replace(verified, contact=dataclasses.replace(verified.contact, **kept))
+    assert "nan" not in printed(verification_table(outcome))
+    assert any("did not reach d = -6 mm" in remark for remark in outcome.remarks)
+
+
+def test_an_area_that_is_exact_has_no_sign(verified: Verification) -> None:
+    for error in (-1e-12, 0.0, 1e-12):
+        quality = dataclasses.replace(verified.body.quality, area_error=error)
+        body = dataclasses.replace(verified.body, quality=quality)
+        (line,) = (
+            line
+            for line in verification_lines(dataclasses.replace(verified, body=body))
+            if line.startswith("mesh: ")
+        )
+        assert line.endswith("area 0.0000 %")
 
 
 def test_a_deviation_of_more_than_five_percent_gets_a_sentence(verified: Verification) -> None:
@@ -196,6 +260,40 @@ def test_a_column_thinner_than_the_offset_is_reported_not_raised(column: Design)
     assert np.isnan(outcome.sensitivity(10.0))
     assert outcome.curves[-1].contact is not None
     json.dumps(outcome.to_dict(), allow_nan=False)
+    assert "nan" not in printed(tolerance_table(outcome))
+    assert tolerance_lines(outcome)[0].startswith("offset -2.5 mm: there is no such solid: ")
+
+
+@pytest.fixture
+def ended(moved: Tolerance) -> Tolerance:
+    """The same where the thinnest column's path ended before the control point in compression."""
+    thin = moved.curves[0]
+    assert thin.contact is not None
+    message = "the path ends at d = -3.5 mm, before -6 mm: a reason"
+    kept = {name: getattr(thin.contact, name)[1:] for name in ("d", "q")}
+    contact = dataclasses.replace(thin.contact, **kept, complete=False, message=message)
+    thinner = dataclasses.replace(thin, contact=contact, message=message)
+    return dataclasses.replace(moved, curves=(thinner, *moved.curves[1:]))
+
+
+def test_a_path_that_ended_early_is_a_dash_and_a_sentence(ended: Tolerance, tmp_path: Path) -> None:
+    table = printed(tolerance_table(ended))
+    row = next(line for line in table.splitlines() if "-0.5 " in line)
+    assert [cell.strip() for cell in row.strip("│").split("│")][-1] == "-"
+    assert "nan" not in table
+    (line,) = tolerance_lines(ended)
+    assert "offset -0.5 mm: the path ends at d = -3.5 mm" in line
+    assert "a thinner spring may buckle there (see ngspring stability)" in line
+    data = json.loads(json.dumps(ended.to_dict(), allow_nan=False))
+    assert data["control_points"][1]["q"][0] is None
+    save_figure(tolerance_figure(ended), tmp_path / "tolerance.png", dpi=40)
+
+
+def test_an_unstable_thicker_spring_is_not_called_thinner(moved: Tolerance) -> None:
+    thick = dataclasses.replace(moved.curves[-1], message="the path ends at d = -3 mm")
+    outcome = dataclasses.replace(moved, curves=(*moved.curves[:-1], thick))
+    (line,) = tolerance_lines(outcome)
+    assert "thinner" not in line
 
 
 @pytest.mark.parametrize("offsets", [(), (0.0,), (-0.1,), (float("nan"),), (50.0,)])
@@ -212,6 +310,13 @@ def test_an_empty_and_a_full_design_have_no_outline_to_verify(value: float) -> N
     design = Design(problem, np.full(problem.coefficient_shape, 20 * value))
     with pytest.raises(OutlineError):
         verify(design)
+
+
+def printed(table: Table) -> str:
+    console = make_console()
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get()
 
 
 # -- command line ----------------------------------------------------------------------------------
@@ -252,6 +357,44 @@ def test_export_writes_a_file_and_says_how_large_it_is(stored: Path, tmp_path: P
     area = float(text.split(", ")[1].split()[0])
     assert area == pytest.approx(WIDTH * 100, rel=0.01)
     assert (tmp_path / "column.svg").exists()
+
+
+def test_an_exported_mesh_leaves_the_paraview_file_of_the_run_alone(
+    column: Design, tmp_path: Path
+) -> None:
+    column.save(tmp_path / "design.npz")
+    (tmp_path / "design.vtu").write_text("density on the grid")
+    code, text = run("export", tmp_path, "--format", "vtu")
+    assert code == 0, text
+    assert (tmp_path / "design.vtu").read_text() == "density on the grid"
+    assert "design-solid.vtu" in text
+    assert meshio.read(tmp_path / "design-solid.vtu").cells[0].type == "triangle6"
+
+
+@pytest.mark.parametrize(
+    ("out", "reason"),
+    [
+        ("x.step", "the suffix .step does not fit --format stl"),
+        ("x", "a name without a suffix does not fit --format stl"),
+    ],
+)
+def test_a_suffix_that_does_not_fit_the_format_is_refused(
+    stored: Path, tmp_path: Path, out: str, reason: str
+) -> None:
+    code, text = run("export", stored, "--format", "stl", "--out", tmp_path / "new" / out)
+    assert code == 2
+    assert reason in text
+    assert len(text.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("kind", "name"), [("stl", "x.STL"), ("step", "x.stp")])
+def test_other_spellings_of_a_suffix_are_accepted(
+    stored: Path, tmp_path: Path, kind: str, name: str
+) -> None:
+    code, text = run("export", stored, "--format", kind, "--out", tmp_path / name)
+    assert code == 0, text
+    assert (tmp_path / name).stat().st_size > 0
 
 
 @pytest.mark.parametrize(
