@@ -5,7 +5,7 @@ steadily to 1e20. Only the last part can be predicted well; of the creeping part
 than how many design updates it usually takes. In the second half of their time the estimate was
 within a factor of four for all stored runs that began from a column or at random, and up to ten
 times too low in the first half. Runs that continue from a finished design take fewer updates: there
-it was up to ten times too high.
+it was up to twenty times too high.
 """
 
 from __future__ import annotations

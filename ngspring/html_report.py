@@ -123,7 +123,7 @@ def _summary(state: RunState, history: History | None) -> str:
                 f" design updates took, and stored runs, which took about {TYPICAL_UPDATES} design"
                 " updates. In the second half of their time it was within a factor of four for"
                 " them, in the first half up to ten times too low; for runs that continue from a"
-                " finished design it was up to ten times too high.</p>"
+                " finished design it was up to twenty times too high.</p>"
             )
     symbol = width_symbol(design.problem)
     kind = "diameter" if design.problem.axisymmetric else "width"
