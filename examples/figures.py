@@ -32,7 +32,9 @@ from ngspring.report import make_console
 from ngspring.states import curve_displacements, index_of
 
 HERE = Path(__file__).parent
-RUNS = {run.name: run for run in read_campaign(HERE / "gallery.toml").runs}
+ALL_RUNS = {run.name: run for run in read_campaign(HERE / "gallery.toml").runs}
+#: Without those that are only starts for others.
+RUNS = {name: run for name, run in ALL_RUNS.items() if not name.endswith("-coarse")}
 Numbers = dict[str, dict[str, float]]
 
 
@@ -92,7 +94,7 @@ def load_designs(names: Iterable[str], options: Options) -> dict[str, Design | N
 
 def recompute(name: str, options: Options) -> Design:
     """Optimise a design of gallery.toml."""
-    run, folder = RUNS[name], options.folder(name)
+    run, folder = ALL_RUNS[name], options.folder(name)
     problem = run.problem
     if options.elements is not None:
         problem, note = on_mesh(problem, options.elements)
