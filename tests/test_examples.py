@@ -246,7 +246,7 @@ def test_recompute_is_resumable_and_keeps_snapshots(
     for run in runs.values():
         run.after = run.design = None
         run.start_name, run.max_updates = run.start, 1
-    monkeypatch.setattr(figures, "RUNS", runs)
+    monkeypatch.setattr(figures, "ALL_RUNS", runs)
     more = arguments(tmp_path, "--recompute", "--elements", "8", "--points", "2")
     first = script("fig04_05_compression").main([*more, "--only", "C7"])
     again = script("fig04_05_compression").main([*more, "--only", "C7"])
