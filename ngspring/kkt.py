@@ -46,6 +46,10 @@ class State:
     u: FloatArray
     lam: FloatArray
 
+    def moved(self, update: State) -> State:
+        """The state after a Newton update."""
+        return State(self.chi + update.chi, self.u + update.u, self.lam + update.lam)
+
     def forces(self, problem: SpringProblem) -> FloatArray:
         """Reaction forces q_j in N."""
         points = problem.control_points
@@ -282,6 +286,11 @@ class CoupledSystem:
     def negative_eigenvalues(self) -> int | None:
         """Of the last factorised matrix; a saddle of the right kind has free + 1 per point."""
         return None if self._factorization is None else self._factorization.negative_eigenvalues
+
+    @property
+    def eigenvalues_of_a_minimum(self) -> int:
+        """Negative eigenvalues of the Newton matrix where C(chi) is convex."""
+        return int(len(self.points) * (self.free + 1))
 
     # -- solution --------------------------------------------------------------------------------
 

@@ -110,7 +110,7 @@ def solve_update(
             return NewtonResult(state, False, iteration, reason, negative, np.inf)
         previous = change_chi
         old = state
-        state = State(state.chi + update.chi, state.u + update.u, state.lam + update.lam)
+        state = old.moved(update)
         if elimination is not None:
             try:
                 state = elimination.relax(old, state)

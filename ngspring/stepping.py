@@ -85,7 +85,7 @@ class Mixed(Stepper):
         self._mixed = rule
         self._euler = BackwardEuler(system, newton, rule.converged)
         self._descent = Descent(system)
-        self._expected = len(system.points) * (system.free + 1)
+        self._minimum = system.eigenvalues_of_a_minimum
         self._follow = rule.follow * time_unit(system.problem)
         #: Of the last attempt, None after one that was iterated to convergence.
         self._ratio: float | None = None
@@ -97,7 +97,7 @@ class Mixed(Stepper):
         if np.isinf(dt):
             outcome = self._euler.update(state, dt, rejected, before)
             negative = outcome.negative_eigenvalues
-            if outcome.converged and negative not in (None, self._expected):
+            if outcome.converged and negative not in (None, self._minimum):
                 reason = "the stationary point is not a minimum of C"
                 outcome = dataclasses.replace(outcome, converged=False, reason=reason)
             return outcome

@@ -70,7 +70,7 @@ def test_multipliers_that_the_iteration_got_wrong_are_found_again(
     """A multiplier near zero that should not be hides a deviation of q from C."""
     wrong = State(start.chi, start.u, 1e-9 * start.lam)
     assert system.terms(wrong)["C"] < 0.9 * system.terms(start)["C"]
-    (right,) = [Descent(system)._evaluated(wrong)]
+    right = Descent(system)._evaluated(wrong)
     np.testing.assert_allclose(right.state.lam, start.lam, rtol=1e-5, atol=1e-9)
     assert pytest.approx(system.terms(start)["C"], rel=1e-7) == right.C
 
