@@ -21,13 +21,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from figures import RUNS
 
 from ngspring import Design, gallery
 from ngspring.files import write_text
 from ngspring.problem import worst_deviation
-from ngspring.verification import deviation_text, largest_deviation
+from ngspring.verification import deviation_text
 
 HERE = Path(__file__).parent
 PAGE = HERE / "README.md"
@@ -152,10 +151,6 @@ def verification_row(name: str, found: dict[str, Any]) -> Row:
         + ("-" if p["q_contact"] is None else f"{p['q_contact']:.4g}")
         for p in points
     )
-    curve = found["curve"]
-    largest = largest_deviation(
-        *(np.array(curve[key]) for key in ("d", "q_third_medium", "q_contact"))
-    )
     starts = ", ".join(f"{d:.2f}" for d in found["contact_starts"]) or "none"
     remarks = " ".join([*found["remarks"], found["message"]]).strip()
     pictures = f"[curves](figures/verification-{name}.png) [states](figures/contact-{name}.png)"
@@ -163,7 +158,7 @@ def verification_row(name: str, found: dict[str, Any]) -> Row:
         f"{name} ({pictures})",
         forces,
         ", ".join(percent(p["relative_deviation"]) for p in points),
-        deviation_text(*largest),
+        deviation_text(**found["largest_deviation"]),
         starts,
         f"{found['largest_stretch']['value']:.2f}",
         f"{found['smallest_wall']:.1f}" if found["smallest_wall"] else "-",
