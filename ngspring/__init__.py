@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from ngspring.scaling import scaled, with_similar_weights
     from ngspring.snapshots import Snapshots
     from ngspring.stationarity import Optimality, optimality
-    from ngspring.steprule import MixedRule, StepRule
+    from ngspring.steprule import LeapRule, MixedRule, StepRule
     from ngspring.stored import gallery
     from ngspring.targets import TargetCurve, read_curve
     from ngspring.taylor import taylor_test
@@ -73,6 +73,7 @@ _LAZY = {
     "read_run": "runstate",
     "Snapshots": "snapshots",
     "Result": "evolution",
+    "LeapRule": "steprule",
     "MixedRule": "steprule",
     "StepRule": "steprule",
     "Update": "evolution",
@@ -104,6 +105,7 @@ __all__ = [
     "ExportError",
     "Finding",
     "History",
+    "LeapRule",
     "MixedRule",
     "NgspringError",
     "Optimality",

@@ -89,51 +89,74 @@ class _StderrHandler(logging.Handler):
         print(self.format(record), file=sys.stderr)
 
 
+def _log_to(context: click.Context, handler: logging.Handler) -> None:
+    """Let a handler have what is logged until the program ends."""
+    logger = logging.getLogger("ngspring")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logger.addHandler(handler)
+
+    def stop() -> None:
+        logger.removeHandler(handler)
+        handler.close()
+
+    context.find_root().call_on_close(stop)
+
+
+def _verbose(context: click.Context, _: click.Parameter, value: bool) -> None:
+    # Once, if it stands both before and after the command.
+    root = context.find_root()
+    if value and not root.meta.setdefault("verbose", False):
+        root.meta["verbose"] = True
+        _log_to(context, _StderrHandler())
+
+
+def _log_file(context: click.Context, _: click.Parameter, value: Path | None) -> None:
+    if value is None:
+        return
+    try:
+        _log_to(context, logging.FileHandler(value, encoding="utf-8"))
+    except OSError as error:
+        raise NgspringError(f"cannot write the log file {value}: {error.strerror}") from error
+
+
+#: They may stand before a command or among its options.
+_LOGGING = (
+    click.Option(
+        ["-v", "--verbose"],
+        is_flag=True,
+        expose_value=False,
+        callback=_verbose,
+        help="Say on stderr what goes on inside.",
+    ),
+    click.Option(
+        ["--log-file"],
+        type=click.Path(path_type=Path),
+        expose_value=False,
+        callback=_log_file,
+        help="Write the same into a file.",
+    ),
+)
+
+
 @click.group(
     cls=_Commands, invoke_without_command=True, context_settings={"max_content_width": 100}
 )
 @click.version_option(__version__, prog_name="ngspring", message="%(prog)s %(version)s")
-@click.option("-v", "--verbose", is_flag=True, help="Say on stderr what goes on inside.")
-@click.option("--log-file", type=click.Path(path_type=Path), help="Write the same into a file.")
 @click.pass_context
-def cli(context: click.Context, verbose: bool, log_file: Path | None) -> None:
+def cli(context: click.Context) -> None:
     """Design springs with a prescribed nonlinear load-displacement curve.
 
     Exit codes: 0 done (also when --max-updates ended a run), 1 a check failed, 2 bad input, 3 no
     convergence, 130 interrupted.
     """
-    _start_logging(context, verbose, log_file)
-    if context.invoked_subcommand is None:
-        click.echo(context.get_help())
-
-
-def _start_logging(context: click.Context, verbose: bool, log_file: Path | None) -> None:
-    # Without any handler Python would print warnings that the commands report themselves.
-    handlers: list[logging.Handler] = [logging.NullHandler()]
-    if verbose:
-        handlers.append(_StderrHandler())
-    if log_file is not None:
-        try:
-            handlers.append(logging.FileHandler(log_file, encoding="utf-8"))
-        except OSError as error:
-            raise NgspringError(
-                f"cannot write the log file {log_file}: {error.strerror}"
-            ) from error
     logger = logging.getLogger("ngspring")
     level = logger.level
     logger.setLevel(logging.INFO)
-    form = logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s")
-    for handler in handlers:
-        handler.setFormatter(form)
-        logger.addHandler(handler)
-
-    def stop() -> None:
-        logger.setLevel(level)
-        for handler in handlers:
-            logger.removeHandler(handler)
-            handler.close()
-
-    context.call_on_close(stop)
+    context.call_on_close(lambda: logger.setLevel(level))
+    # Without any handler Python would print warnings that the commands report themselves.
+    _log_to(context, logging.NullHandler())
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 # -- commands --------------------------------------------------------------------------------------
@@ -189,6 +212,8 @@ for _command in (
     animate_command,
 ):
     cli.add_command(_command)
+for _command in (cli, *cli.commands.values()):
+    _command.params.extend(_LOGGING)
 
 
 def main() -> None:

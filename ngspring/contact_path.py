@@ -65,7 +65,7 @@ def follow_contact(
                 return points, (
                     f"the path ends at d = {here.d:.6g} mm, before {target:.6g} mm: {error}"
                 )
-            logger.debug(
+            logger.info(
                 "d = %.6g mm: q = %.8g N, %d iterations, gap %.3g mm",
                 there.d,
                 there.q,

@@ -18,6 +18,7 @@ from pathlib import Path
 import ngsolve as ng
 import numpy as np
 
+from ngspring.backward_euler import Past, Stepper
 from ngspring.branches import path_from_rest
 from ngspring.checkpoint import (
     CHECKPOINT,
@@ -33,13 +34,13 @@ from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
 from ngspring.kkt import CoupledSystem, State
-from ngspring.newton import NewtonSettings
+from ngspring.newton import NewtonResult, NewtonSettings
 from ngspring.problem import SpringProblem, shown
 from ngspring.snapshots import SnapshotRecorder
 from ngspring.splines import FloatArray
 from ngspring.start import Start, initial_state, start_design
-from ngspring.stepping import Stepper, make_stepper
-from ngspring.steprule import MixedRule, StepRule, time_unit
+from ngspring.stepping import Rule, make_stepper
+from ngspring.steprule import LeapRule, time_unit
 from ngspring.threads import parallel
 
 logger = logging.getLogger(__name__)
@@ -110,7 +111,7 @@ def optimize(
     resume: bool = False,
     threads: int | None = None,
     solver: str = "auto",
-    rule: MixedRule | StepRule | None = None,
+    rule: Rule | None = None,
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
 ) -> Result:
@@ -165,7 +166,7 @@ def optimize(
             raise ProblemError(f"{name} = {shown(value)} must be an integer of at least 1")
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
-    run = _Run(problem, rule or MixedRule(), newton or NewtonSettings(), tuple(observers))
+    run = _Run(problem, rule or LeapRule(), newton or NewtonSettings(), tuple(observers))
     run.max_updates = max_updates
     if out is None:
         with parallel(threads) as count:
@@ -208,7 +209,7 @@ class _Run:
     def __init__(
         self,
         problem: SpringProblem,
-        rule: MixedRule | StepRule,
+        rule: Rule,
         newton: NewtonSettings,
         observers: tuple[Observer, ...],
     ) -> None:
@@ -243,7 +244,7 @@ class _Run:
         self.state = initial_state(self.system, design)
         self.previous, self.dt_previous = self.state, 0.0
         self.dt = self.unit if dt_initial is None else dt_initial
-        self.rows = [self._row(0.0, 0, 0, 0)]
+        self.rows = [self._row(0.0)]
         self._save()
         self._tell(True, self.dt, "")
 
@@ -255,7 +256,8 @@ class _Run:
     def restore(self, checkpoint: Checkpoint) -> None:
         self.state, self.previous = checkpoint.state, checkpoint.previous
         self.dt, self.dt_previous = checkpoint.dt, checkpoint.dt_previous
-        self.rows = checkpoint.history.rows()
+        # Histories of older versions know no leaps.
+        self.rows = [{**row, "leap": row.get("leap", 0.0)} for row in checkpoint.history.rows()]
         self.start = checkpoint.start
         self.seconds_before = self.rows[-1]["seconds"]
 
@@ -279,7 +281,7 @@ class _Run:
                 self.write()
                 return self.result(False, message)
             dt = np.inf if self.dt > end else self.dt
-            outcome = self.stepper.update(self.state, dt, rejected, self._iterations_before())
+            outcome = self.stepper.update(self._past(rejected), dt)
             if outcome.converged and np.isinf(dt):
                 try:
                     if self._returned(outcome.state):
@@ -290,8 +292,8 @@ class _Run:
             if outcome.converged:
                 self.previous, self.dt_previous = self.state, dt
                 self.state = outcome.state
-                self.rows.append(self._row(dt, outcome.iterations, rejected, rejected_iterations))
-                self.dt = self.stepper.grown(dt, outcome, rejected, self._calm())
+                self.rows.append(self._row(dt, outcome, rejected, rejected_iterations))
+                self.dt = self.stepper.grown(self._past(rejected), dt, outcome)
                 rejected = rejected_iterations = 0
                 self._save()
                 self._tell(True, dt, "")
@@ -306,22 +308,12 @@ class _Run:
                 # The end was tried too early, after an update whose dt could have grown.
                 self.dt = 2 * self.dt_previous
             else:
-                self.dt = self.stepper.shrunk(min(self.dt, end), rejected)
+                self.dt = self.stepper.shrunk(self._past(rejected), min(self.dt, end))
             if not self.dt >= self.stepper.rule.smallest * self.unit:
                 return self._failed(f"dt fell below {self.dt:.1e}: {outcome.reason}")
 
-    def _iterations_before(self) -> int:
-        """Newton iterations of the last accepted update."""
-        return int(self.rows[-1]["newton_iterations"])
-
-    def _calm(self) -> int:
-        """How many updates in a row were accepted at once."""
-        calm = 0
-        for row in reversed(self.rows[1:]):
-            if row["rejected"]:
-                break
-            calm += 1
-        return calm
+    def _past(self, rejected: int) -> Past:
+        return Past(self.state, self.previous, self.rows, rejected)
 
     def _failed(self, message: str) -> Result:
         self.ended = {"failed": message}
@@ -346,13 +338,17 @@ class _Run:
             raise ConvergenceError(f"it left it after each of {RETURNS} returns; try another start")
         self.state = self.previous = rest
         self.dt, self.dt_previous = DT_RETURN * self.unit, 0.0
-        self.rows.append(self._row(0.0, 0, 0, 0))
+        self.rows.append(self._row(0.0))
         self._save()
         self._tell(True, 0.0, "")
         return True
 
     def _row(
-        self, dt: float, iterations: int, rejected: int, rejected_iterations: int
+        self,
+        dt: float,
+        outcome: NewtonResult | None = None,
+        rejected: int = 0,
+        rejected_iterations: int = 0,
     ) -> dict[str, float]:
         assert self.system is not None
         terms = self.system.terms(self.state)
@@ -360,7 +356,8 @@ class _Run:
         return {
             "update": float(len(self.rows)),
             "dt": dt,
-            "newton_iterations": float(iterations),
+            "leap": 0.0 if outcome is None else outcome.leap,
+            "newton_iterations": 0.0 if outcome is None else float(outcome.iterations),
             "rejected": float(rejected),
             "rejected_iterations": float(rejected_iterations),
             **{name: terms[name] for name in ("C", "volume", "interface", "curvature")},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import math
 import os
 import tempfile
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ngspring.errors import DesignFileError, ProblemError, RunFolderError
+
+logger = logging.getLogger(__name__)
 
 PathLike = str | os.PathLike[str]
 
@@ -48,6 +51,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
+        logger.info("wrote %s", path)
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     finally:

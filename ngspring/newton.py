@@ -52,6 +52,9 @@ class NewtonResult:
         Of the last Newton matrix, if the linear solver tells.
     optimality : float
         Norm of Eq. 8's residual relative to its largest term.
+    leap : float
+        Pseudo-time that was leapt over before it (`ngspring.leaps`); negative if such a leap was
+        tried and given up.
     """
 
     state: State
@@ -60,6 +63,7 @@ class NewtonResult:
     reason: str
     negative_eigenvalues: int | None
     optimality: float
+    leap: float = 0.0
 
 
 def relative_residuals(system: CoupledSystem, residual: Residual) -> FloatArray:

@@ -96,6 +96,8 @@ def optimize_command(
     from ngspring.report import design_lines, make_console, points_table
     from ngspring.runstate import read_run
 
+    if resume and not (folder / CHECKPOINT).exists():
+        click.echo(f"there is no run in {folder} yet: it begins", err=True)
     start, start_name = read_start(problem, initial, seed or 0)
     options: list[tuple[str, object]]
     options = [("--elements", elements), ("--domain", domain), ("--threads", threads)]

@@ -23,6 +23,7 @@ Table 1. Besides the fields a file may have
 from __future__ import annotations
 
 import dataclasses
+import logging
 import os
 import sys
 from collections.abc import Mapping
@@ -40,6 +41,8 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+logger = logging.getLogger(__name__)
 
 
 #: Keys that are not fields.
@@ -169,6 +172,8 @@ def _points_of_curve(
         raise ProblemError("targets names a file, but this text does not come from a file")
     size = SpringProblem(**{**values, "control_points": (NO_TARGET,)})
     curve = read_curve(folder / table["file"], size, compression=compression)
+    for remark in curve.remarks:
+        logger.info("%s: %s", table["file"], remark)
     chosen = curve.control_points(points, at)
     return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
 

@@ -152,6 +152,9 @@ def load_displacement(
 
         def count_iterations(point: Equilibrium) -> None:
             iterations[0] += point.iterations + 1
+            logger.info(
+                "d = %.6g mm: q = %.8g N, %d iterations", point.d, point.q, point.iterations
+            )
 
         for side in (targets[targets > 0], targets[targets < 0][::-1]):
             reached, message = follow(mechanics, side, rest, on_point=count_iterations)

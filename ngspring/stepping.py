@@ -3,78 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from abc import ABC, abstractmethod
 
 import numpy as np
 
+from ngspring.backward_euler import BackwardEuler, Past, Stepper
 from ngspring.descent import Descent
-from ngspring.elimination import Elimination
-from ngspring.kkt import CoupledSystem, State
-from ngspring.newton import NewtonResult, NewtonSettings, solve_update
-from ngspring.steprule import MixedRule, StepRule, time_unit
+from ngspring.kkt import CoupledSystem
+from ngspring.leaps import Leaping
+from ngspring.newton import NewtonResult, NewtonSettings
+from ngspring.steprule import LeapRule, MixedRule, StepRule, time_unit
 
-#: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
-POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
-
-
-class Stepper(ABC):
-    """A kind of step.
-
-    Attributes
-    ----------
-    rule : StepRule
-        When the transient term is removed (``end``) and when a run is given up (``smallest``).
-    """
-
-    rule: StepRule
-
-    @abstractmethod
-    def update(self, state: State, dt: float, rejected: int, before: int) -> NewtonResult:
-        """A design update over dt (infinite: the final one) from an accepted state.
-
-        ``rejected`` attempts were made from it; ``before`` iterations led to it.
-        """
-
-    @abstractmethod
-    def grown(self, dt: float, outcome: NewtonResult, rejected: int, calm: int) -> float:
-        """Next dt after an update that was accepted after so many rejected attempts.
-
-        ``calm`` counts the updates in a row, this one included, without any.
-        """
-
-    @abstractmethod
-    def shrunk(self, dt: float, rejected: int) -> float:
-        """Next dt after so many rejected attempts, the last one with dt."""
-
-
-class BackwardEuler(Stepper):
-    """The paper's updates: each one iterated to convergence (2.7)."""
-
-    def __init__(self, system: CoupledSystem, newton: NewtonSettings, rule: StepRule) -> None:
-        self.system = system
-        self.newton = newton
-        self.rule = rule
-        self._elimination = Elimination(system)
-
-    def update(self, state: State, dt: float, rejected: int, before: int) -> NewtonResult:
-        """See `Stepper`."""
-        outcome = solve_update(self.system, state, state.chi, dt, self.newton, self._elimination)
-        return self._polished(outcome) if outcome.converged and np.isinf(dt) else outcome
-
-    def _polished(self, outcome: NewtonResult) -> NewtonResult:
-        """The exact stationary point to rounding: two more Newton iterations, if they help."""
-        again = solve_update(self.system, outcome.state, outcome.state.chi, np.inf, POLISHING)
-        better = again if again.optimality < outcome.optimality else outcome
-        iterations = outcome.iterations + again.iterations
-        return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
-
-    def grown(self, dt: float, outcome: NewtonResult, rejected: int, calm: int) -> float:
-        """See `Stepper`."""
-        return self.rule.grown(dt, outcome.iterations, rejected)
-
-    def shrunk(self, dt: float, rejected: int) -> float:
-        """See `Stepper`."""
-        return dt / self.rule.shrink
+Rule = StepRule | LeapRule | MixedRule
 
 
 class Mixed(Stepper):
@@ -91,11 +30,11 @@ class Mixed(Stepper):
         self._ratio: float | None = None
         self._beyond = False
 
-    def update(self, state: State, dt: float, rejected: int, before: int) -> NewtonResult:
+    def update(self, past: Past, dt: float) -> NewtonResult:
         """See `Stepper`."""
         self._ratio = None
         if np.isinf(dt):
-            outcome = self._euler.update(state, dt, rejected, before)
+            outcome = self._euler.update(past, dt)
             negative = outcome.negative_eigenvalues
             if outcome.converged and negative not in (None, self._minimum):
                 reason = "the stationary point is not a minimum of C"
@@ -103,31 +42,32 @@ class Mixed(Stepper):
             return outcome
         # Attempts by turns, see `MixedRule`.
         self._beyond = dt > self._follow
-        third, second = rejected % 3 == 2, (rejected % 2 == 1) == (before == 1)
+        third = past.rejected % 3 == 2
+        second = (past.rejected % 2 == 1) == (past.iterations == 1)
         if (self._beyond and third) or (not self._beyond and second):
-            return self._euler.update(state, dt, rejected, before)
+            return self._euler.update(past, dt)
         step = self._descent.step(
-            state, dt, self._mixed.least if self._beyond else self._mixed.good[0]
+            past.state, dt, self._mixed.least if self._beyond else self._mixed.good[0]
         )
         self._ratio = step.ratio
         return NewtonResult(step.state, step.accepted, 1, step.reason, None, step.optimality)
 
-    def grown(self, dt: float, outcome: NewtonResult, rejected: int, calm: int) -> float:
+    def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
         """See `Stepper`."""
         if self._ratio is None:
-            return self._euler.grown(dt, outcome, rejected, calm)
-        return self._mixed.grown(dt, self._ratio, outcome.optimality, calm)
+            return self._euler.grown(past, dt, outcome)
+        return self._mixed.grown(dt, self._ratio, outcome.optimality, past.calm)
 
-    def shrunk(self, dt: float, rejected: int) -> float:
+    def shrunk(self, past: Past, dt: float) -> float:
         """See `Stepper`."""
-        again = rejected % 3 == 2 if self._beyond else rejected % 2 == 1
+        again = past.rejected % 3 == 2 if self._beyond else past.rejected % 2 == 1
         return dt if again else dt / self.rule.shrink
 
 
-def make_stepper(
-    system: CoupledSystem, newton: NewtonSettings, rule: StepRule | MixedRule
-) -> Stepper:
+def make_stepper(system: CoupledSystem, newton: NewtonSettings, rule: Rule) -> Stepper:
     """The kind of step that a rule is for."""
     if isinstance(rule, StepRule):
         return BackwardEuler(system, newton, rule)
+    if isinstance(rule, LeapRule):
+        return Leaping(system, newton, rule)
     return Mixed(system, newton, rule)

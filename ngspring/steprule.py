@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ngspring.problem import SpringProblem
+
+#: The history as `ngspring.history.History.rows` gives it.
+Rows = Sequence[Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,71 @@ class MixedRule:
         if calm and optimality < self.settled:
             return np.inf
         return dt * self.growth[min(calm, len(self.growth) - 1)]
+
+
+@dataclass(frozen=True)
+class LeapRule:
+    """How dt and the leaps (`ngspring.leaps`) change.
+
+    Updates are converged ones, dt as in `StepRule`, as long as it grows. Where it has not reached a
+    new largest value for some time, it is not raised to what failed lately, and a leap comes
+    before every second update.
+
+    Parameters
+    ----------
+    converged : StepRule
+    patience : int
+        Updates in a row without a new largest dt before leaps begin.
+    memory : int
+        For so many updates a dt that failed is not tried again.
+    first : float
+        Length of the first leap, in multiples of dt.
+    growth : float
+        By this factor the next one is longer after a leap that was good; half as long after
+        another.
+    largest : float
+        Longest leap. Where the next one would be longer, dt grows instead.
+    smallest : float
+        After a leap shorter than this failed, there is none for ``patience`` updates.
+    iterations : int
+        More Newton iterations than these after a leap are a failed one.
+    """
+
+    converged: StepRule = StepRule()
+    patience: int = 10
+    memory: int = 20
+    first: float = 2.0
+    growth: float = 1.4
+    largest: float = 10.0
+    smallest: float = 0.5
+    iterations: int = 7
+
+    def creeping(self, rows: Rows) -> bool:
+        """Whether dt has stopped growing."""
+        steps = [row["dt"] for row in rows]
+        return len(steps) - 1 - int(np.argmax(steps)) >= self.patience
+
+    def factor(self, rows: Rows) -> float:
+        """Length of the leap that is due in multiples of dt; 0 if none is."""
+        last = rows[-1]
+        if not self.creeping(rows) or not last["dt"] > 0.0 or last["leap"] != 0.0:
+            return 0.0
+        for row in rows[: -self.patience - 1 : -1]:
+            if row["leap"]:
+                factor = abs(row["leap"]) / row["dt"] * (self.growth if row["leap"] > 0 else 0.5)
+                return min(factor, self.largest) if factor >= self.smallest else 0.0
+        return self.first
+
+    def held(self, rows: Rows, dt: float, grown: float) -> float:
+        """Next dt after a converged update, if ``grown`` is what its iterations allow."""
+        if not self.creeping(rows):
+            return grown
+        failed = [
+            row["dt"] * self.converged.shrink
+            for row in rows[-self.memory :]
+            if row["rejected"] > (1 if row["leap"] < 0.0 else 0)
+        ]
+        return grown if grown < min(failed, default=np.inf) else dt
 
 
 def time_unit(problem: SpringProblem) -> float:

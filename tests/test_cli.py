@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shlex
@@ -390,6 +391,27 @@ def test_verbose_and_log_file(finished: SimpleNamespace, tmp_path: Path) -> None
     result = invoke("-v", "--log-file", log, "optimize", file, *options)
     assert "ngspring.evolution: update 1" in log.read_text()
     assert "ngspring.evolution: update 1" in result.stderr
+
+
+def test_logging_options_may_stand_behind_the_command(
+    finished: SimpleNamespace, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.txt"
+    options = ("--from", 0, "--to", 1, "--points", 2, "--threads", 1, "--out", tmp_path)
+    result = invoke("-v", "response", finished.folder, *options, "-v", "--log-file", log)
+    for text in (log.read_text(), result.stderr):
+        # Once, although -v stands there twice.
+        assert text.count("d = 1 mm: q = ") == 1
+        assert f"wrote {tmp_path / 'response-custom.csv'}" in text
+    assert not logging.getLogger("ngspring").handlers
+
+
+def test_resume_says_that_a_run_only_begins(finished: SimpleNamespace, tmp_path: Path) -> None:
+    options = ("--max-updates", 1, "--threads", 1, "--out", tmp_path / "new", "--resume")
+    file = finished.home / "mine.toml"
+    said = f"there is no run in {tmp_path / 'new'} yet: it begins"
+    assert said in invoke("optimize", file, *options).stderr
+    assert said not in invoke("optimize", file, *options).stderr
 
 
 # -- arguments -------------------------------------------------------------------------------------

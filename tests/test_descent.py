@@ -9,11 +9,12 @@ import pytest
 
 import ngspring
 from ngspring import Design, Update
+from ngspring.backward_euler import BackwardEuler, Past
 from ngspring.descent import Descent
 from ngspring.kkt import CoupledSystem, State
 from ngspring.newton import NewtonResult, NewtonSettings
 from ngspring.start import initial_state
-from ngspring.stepping import BackwardEuler, Mixed, make_stepper
+from ngspring.stepping import Mixed, make_stepper
 from ngspring.steprule import MixedRule, StepRule
 
 SMALL = ngspring.cases["C4"].replace(elements=12, l_i=7.0)
@@ -119,14 +120,15 @@ def test_attempts_take_turns(
                 "Step", ["state", "accepted", "ratio", "optimality", "reason"]
             )(state, False, 0.0, np.inf, "no")
 
-    monkeypatch.setattr("ngspring.stepping.solve_update", euler)
+    monkeypatch.setattr("ngspring.backward_euler.solve_update", euler)
     monkeypatch.setattr("ngspring.stepping.Descent", Single)
     stepper = Mixed(system, NewtonSettings(), MixedRule())
     tried = []
+    rows = [{"newton_iterations": float(before)}]
     for rejected in range(6):
-        stepper.update(start, dt, rejected, before)
+        stepper.update(Past(start, start, rows, rejected), dt)
         tried.append(dt)
-        dt = stepper.shrunk(dt, rejected + 1)
+        dt = stepper.shrunk(Past(start, start, rows, rejected + 1), dt)
     assert calls == expected
     steps = [0, 0, 1, 1, 2, 2] if tried[0] == 1.0 else [0, 1, 1, 2, 3, 3]
     assert tried == [tried[0] / 4**k for k in steps]
@@ -141,7 +143,7 @@ def test_above_follow_single_iterations_come_first_in_units_of_the_domain(
     stepper = make_stepper(system, NewtonSettings(), MixedRule(follow=10.0))
     assert isinstance(stepper, Mixed)
     for dt, beyond in ((39.0, False), (41.0, True)):
-        stepper.update(state, dt, 0, 4)
+        stepper.update(Past(state, state, [{"newton_iterations": 4.0}]), dt)
         assert stepper._beyond is beyond
     assert isinstance(make_stepper(system, NewtonSettings(), StepRule()), BackwardEuler)
 
