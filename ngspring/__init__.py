@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from ngspring.scaling import scaled, with_similar_weights
     from ngspring.snapshots import Snapshots
     from ngspring.stationarity import Optimality, optimality
-    from ngspring.steprule import LeapRule, MixedRule, StepRule
+    from ngspring.steprule import LeapRule, StepRule
     from ngspring.stored import gallery
     from ngspring.targets import TargetCurve, read_curve
     from ngspring.taylor import taylor_test
@@ -74,7 +74,6 @@ _LAZY = {
     "Snapshots": "snapshots",
     "Result": "evolution",
     "LeapRule": "steprule",
-    "MixedRule": "steprule",
     "StepRule": "steprule",
     "Update": "evolution",
     "optimize": "evolution",
@@ -106,7 +105,6 @@ __all__ = [
     "Finding",
     "History",
     "LeapRule",
-    "MixedRule",
     "NgspringError",
     "Optimality",
     "OutlineError",

@@ -26,26 +26,22 @@ class Elimination:
     Parameters
     ----------
     system : CoupledSystem
-    threshold : float
-        Control points whose forces are out of balance by less than this, relative to the target
-        force, are left as they are.
-    accuracy : float
-        Balance to reach for the others.
     """
 
+    #: Control points whose forces are out of balance by less than this, relative to the target
+    #: force, are left as they are ...
+    THRESHOLD = 1e-3
+    #: ... and the others are balanced to this.
+    ACCURACY = 1e-6
     MAX_ITERATIONS = 12
     MAX_SETTLING = 40
 
-    def __init__(
-        self, system: CoupledSystem, threshold: float = 1e-3, accuracy: float = 1e-6
-    ) -> None:
+    def __init__(self, system: CoupledSystem) -> None:
         self.system = system
-        self.threshold = threshold
-        self.accuracy = accuracy
         self.iterations = 0
         self._mechanics: Mechanics | None = None
 
-    def body(self, chi: FloatArray, eta: float) -> Mechanics:
+    def _body(self, chi: FloatArray, eta: float) -> Mechanics:
         """The mechanics of a chi (dofs of the scalar space), dilated by eta."""
         system = self.system
         if self._mechanics is None:
@@ -65,14 +61,14 @@ class Elimination:
         chi = system.extraction_chi @ new.chi
         u, lam = new.u.copy(), new.lam.copy()
         for j, point in enumerate(system.points):
-            body = self.body(chi, point.eta)
+            body = self._body(chi, point.eta)
             scale = abs(point.q) + 1e-4 * force_unit(system.problem)
             force = body.forces(point.d, new.u[j])
             # A NaN is an inverted element and fails this test.
-            if np.linalg.norm(force[:-1]) <= self.threshold * scale:
+            if np.linalg.norm(force[:-1]) <= self.THRESHOLD * scale:
                 continue
             guess, force = self._admissible(body, point.d, old.u[j], new.u[j])
-            u[j], shape = self._balance(body, point.d, guess, force, self.accuracy * scale)
+            u[j], shape = self._balance(body, point.d, guess, force, self.ACCURACY * scale)
             lam[j, :-1] = shape * lam[j, -1]
         return State(new.chi, u, lam)
 

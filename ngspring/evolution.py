@@ -1,9 +1,9 @@
 """Pseudo-time integration of the design to an exact stationary point (2.4, 2.7).
 
-Each design update solves the coupled system by backward Euler over dt, or takes a single iteration
-of it that makes C smaller (`ngspring.stepping`). After an easy update the next dt is larger, a
-failed one is repeated with a smaller dt. In the end the transient term is removed and a last
-update, iterated to convergence, gives the exact saddle point.
+Each design update solves the coupled system by backward Euler over dt (`ngspring.stepping`). After
+an easy update the next dt is larger, a failed one is repeated with a smaller dt; where dt does not
+grow any more, the design leaps along its drift between two updates (`ngspring.leaps`). In the end
+the transient term is removed and a last update gives the exact saddle point.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pathlib import Path
 import ngsolve as ng
 import numpy as np
 
-from ngspring.backward_euler import Past, Stepper
 from ngspring.branches import path_from_rest
 from ngspring.checkpoint import (
     CHECKPOINT,
@@ -34,13 +33,14 @@ from ngspring.errors import ConvergenceError, ProblemError
 from ngspring.files import PathLike, write_text
 from ngspring.history import History
 from ngspring.kkt import CoupledSystem, State
+from ngspring.leaps import make_stepper
 from ngspring.newton import NewtonResult, NewtonSettings
 from ngspring.problem import SpringProblem, shown
 from ngspring.snapshots import SnapshotRecorder
 from ngspring.splines import FloatArray
 from ngspring.start import Start, initial_state, start_design
-from ngspring.stepping import Rule, make_stepper
-from ngspring.steprule import LeapRule, time_unit
+from ngspring.stepping import Past, Stepper
+from ngspring.steprule import LeapRule, Rule, time_unit
 from ngspring.threads import parallel
 
 logger = logging.getLogger(__name__)
@@ -137,11 +137,10 @@ def optimize(
         All available ones by default.
     solver : str
         See `ngspring.linear.make_factorization`.
-    rule : MixedRule or StepRule, optional
-        How dt changes, and whether single iterations may help out (`MixedRule`, the default) or
-        every update is iterated to convergence as in the paper (`StepRule`).
+    rule : LeapRule or StepRule, optional
+        How dt changes: with leaps where it does not grow (`LeapRule`, the default), or without any
+        as in the paper (`StepRule`).
     newton : NewtonSettings, optional
-        Of the updates that are iterated to convergence.
     start_name : str, optional
         Name of the start for the design's notes.
 
@@ -223,7 +222,7 @@ class _Run:
         self.system: CoupledSystem | None = None
         self.stepper: Stepper | None = None
         self.rows: list[dict[str, float]] = []
-        self.ended: dict[str, str] = {}
+        self.ended: dict[str, object] = {}
         self.seconds_before = 0.0
         self.clock = time.perf_counter()
 
@@ -298,6 +297,7 @@ class _Run:
                 self._save()
                 self._tell(True, dt, "")
                 if np.isinf(dt):
+                    self.ended = self._kind(outcome)
                     self.write()
                     return self.result(True, "")
                 continue
@@ -314,6 +314,16 @@ class _Run:
 
     def _past(self, rejected: int) -> Past:
         return Past(self.state, self.previous, self.rows, rejected)
+
+    def _kind(self, final: NewtonResult) -> dict[str, object]:
+        """A note if the stationary point is not a minimum of C, as far as the solver tells."""
+        assert self.system is not None
+        negative = final.negative_eigenvalues
+        if negative is None or negative == self.system.eigenvalues_of_a_minimum:
+            return {}
+        falling = negative - self.system.eigenvalues_of_a_minimum
+        logger.warning("C falls from the stationary point in %d directions", falling)
+        return {"falling_directions": falling}
 
     def _failed(self, message: str) -> Result:
         self.ended = {"failed": message}

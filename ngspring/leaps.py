@@ -15,11 +15,11 @@ import dataclasses
 
 import numpy as np
 
-from ngspring.backward_euler import BackwardEuler, Past, Stepper
 from ngspring.errors import ConvergenceError
 from ngspring.kkt import CoupledSystem, State
 from ngspring.newton import NewtonResult, NewtonSettings
-from ngspring.steprule import LeapRule
+from ngspring.stepping import BackwardEuler, Past, Stepper
+from ngspring.steprule import LeapRule, Rule
 
 
 class Leaping(Stepper):
@@ -79,3 +79,10 @@ class Leaping(Stepper):
         """See `Stepper`."""
         leap = past.rejected == 1 and self._tried > 0.0
         return dt if leap else dt / self.rule.shrink
+
+
+def make_stepper(system: CoupledSystem, newton: NewtonSettings, rule: Rule) -> Stepper:
+    """The kind of step that a rule is for."""
+    if isinstance(rule, LeapRule):
+        return Leaping(system, newton, rule)
+    return BackwardEuler(system, newton, rule)

@@ -75,6 +75,8 @@ def design_lines(design: Design) -> list[str]:
         lines.append(f"start: {design.info['start']}")
     if design.history is not None and len(design.history):
         end = "converged to dt = ∞" if design.info.get("converged") else "not converged"
+        if design.info.get("falling_directions"):
+            end += f" at a saddle: C falls in {design.info['falling_directions']} directions"
         lines.append(f"{history_line(design.history)}, {end}")
     return lines
 

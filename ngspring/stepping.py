@@ -1,73 +1,101 @@
-"""One design update of the evolution: a converged backward Euler step, or a single iteration."""
+"""Design updates: what they have to do, and the paper's, a converged backward Euler step (2.7)."""
 
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ngspring.backward_euler import BackwardEuler, Past, Stepper
-from ngspring.descent import Descent
-from ngspring.kkt import CoupledSystem
-from ngspring.leaps import Leaping
-from ngspring.newton import NewtonResult, NewtonSettings
-from ngspring.steprule import LeapRule, MixedRule, StepRule, time_unit
+from ngspring.elimination import Elimination
+from ngspring.kkt import CoupledSystem, State
+from ngspring.newton import NewtonResult, NewtonSettings, solve_update
+from ngspring.steprule import StepRule
 
-Rule = StepRule | LeapRule | MixedRule
+#: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
+POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
 
 
-class Mixed(Stepper):
-    """Converged updates and single iterations (`MixedRule`)."""
+@dataclass(frozen=True, eq=False)
+class Past:
+    """Where an evolution stands.
 
-    def __init__(self, system: CoupledSystem, newton: NewtonSettings, rule: MixedRule) -> None:
-        self.rule = rule.converged
-        self._mixed = rule
-        self._euler = BackwardEuler(system, newton, rule.converged)
-        self._descent = Descent(system)
-        self._minimum = system.eigenvalues_of_a_minimum
-        self._follow = rule.follow * time_unit(system.problem)
-        #: Of the last attempt, None after one that was iterated to convergence.
-        self._ratio: float | None = None
-        self._beyond = False
+    Attributes
+    ----------
+    state : State
+        The last accepted one.
+    previous : State
+        The one before.
+    rows : sequence of mappings
+        The history so far (`ngspring.history.History`).
+    rejected : int
+        Attempts that were made from ``state`` without success.
+    """
+
+    state: State
+    previous: State
+    rows: Sequence[Mapping[str, float]]
+    rejected: int = 0
+
+
+class Stepper(ABC):
+    """A kind of step.
+
+    Attributes
+    ----------
+    rule : StepRule
+        When the transient term is removed (``end``) and when a run is given up (``smallest``).
+    """
+
+    rule: StepRule
+
+    @abstractmethod
+    def update(self, past: Past, dt: float) -> NewtonResult:
+        """A design update over dt (infinite: the final one)."""
+
+    @abstractmethod
+    def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
+        """Next dt after an accepted update, of which ``past`` holds the row already.
+
+        ``past.rejected`` attempts were made before it.
+        """
+
+    @abstractmethod
+    def shrunk(self, past: Past, dt: float) -> float:
+        """Next dt after ``past.rejected`` attempts, the last one with dt."""
+
+
+class BackwardEuler(Stepper):
+    """The paper's updates: each one iterated to convergence (2.7)."""
+
+    def __init__(self, system: CoupledSystem, newton: NewtonSettings, rule: StepRule) -> None:
+        self.system = system
+        self.newton = newton
+        self.rule = rule
+        self.elimination = Elimination(system)
 
     def update(self, past: Past, dt: float) -> NewtonResult:
         """See `Stepper`."""
-        self._ratio = None
-        if np.isinf(dt):
-            outcome = self._euler.update(past, dt)
-            negative = outcome.negative_eigenvalues
-            if outcome.converged and negative not in (None, self._minimum):
-                reason = "the stationary point is not a minimum of C"
-                outcome = dataclasses.replace(outcome, converged=False, reason=reason)
-            return outcome
-        # Attempts by turns, see `MixedRule`.
-        self._beyond = dt > self._follow
-        third = past.rejected % 3 == 2
-        second = (past.rejected % 2 == 1) == (past.iterations == 1)
-        if (self._beyond and third) or (not self._beyond and second):
-            return self._euler.update(past, dt)
-        step = self._descent.step(
-            past.state, dt, self._mixed.least if self._beyond else self._mixed.good[0]
-        )
-        self._ratio = step.ratio
-        return NewtonResult(step.state, step.accepted, 1, step.reason, None, step.optimality)
+        return self.solved(past.state, dt, self.newton)
+
+    def solved(self, state: State, dt: float, newton: NewtonSettings) -> NewtonResult:
+        """A backward Euler step over dt from a state."""
+        outcome = solve_update(self.system, state, state.chi, dt, newton, self.elimination)
+        return self._polished(outcome) if outcome.converged and np.isinf(dt) else outcome
+
+    def _polished(self, outcome: NewtonResult) -> NewtonResult:
+        """The exact stationary point to rounding: two more Newton iterations, if they help."""
+        again = solve_update(self.system, outcome.state, outcome.state.chi, np.inf, POLISHING)
+        better = again if again.optimality < outcome.optimality else outcome
+        iterations = outcome.iterations + again.iterations
+        return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
 
     def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
         """See `Stepper`."""
-        if self._ratio is None:
-            return self._euler.grown(past, dt, outcome)
-        return self._mixed.grown(dt, self._ratio, outcome.optimality, past.calm)
+        return self.rule.grown(dt, outcome.iterations, past.rejected)
 
     def shrunk(self, past: Past, dt: float) -> float:
         """See `Stepper`."""
-        again = past.rejected % 3 == 2 if self._beyond else past.rejected % 2 == 1
-        return dt if again else dt / self.rule.shrink
-
-
-def make_stepper(system: CoupledSystem, newton: NewtonSettings, rule: Rule) -> Stepper:
-    """The kind of step that a rule is for."""
-    if isinstance(rule, StepRule):
-        return BackwardEuler(system, newton, rule)
-    if isinstance(rule, LeapRule):
-        return Leaping(system, newton, rule)
-    return Mixed(system, newton, rule)
+        return dt / self.rule.shrink

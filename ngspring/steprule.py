@@ -1,4 +1,4 @@
-"""How the pseudo-time step of the evolution changes (2.7), for either kind of step."""
+"""How the pseudo-time step of the evolution changes (2.7), and when it leaps."""
 
 from __future__ import annotations
 
@@ -55,61 +55,6 @@ class StepRule:
 
 
 PAPER_RULE = StepRule(easy=0)
-
-
-@dataclass(frozen=True)
-class MixedRule:
-    """How dt changes where single iterations (`ngspring.descent`) help out.
-
-    Updates with dt below ``follow`` are converged ones: they follow the flow of the design, which
-    decides to which of several optima it leads. A rejected attempt is repeated as a single
-    iteration, which must be ``good``, then with a smaller dt, and so on; after a single iteration
-    the order is the other one. Above ``follow`` two attempts of three are single iterations, with
-    a smaller dt each, and need only bring the ``least``; the third is a converged one.
-
-    Parameters
-    ----------
-    converged : StepRule
-        For the updates that are iterated to convergence; with ``end``, ``smallest``, ``shrink``.
-    follow : float
-        See above; in units of the paper's domain.
-    good : tuple of float
-        Decreases of C over the expected one between which the quadratic model is good. Then dt
-        grows: by ``growth[k]`` after k updates in a row that were accepted at once, by the last of
-        them after more.
-    growth : tuple of float
-        See above.
-    least : float
-        See above.
-    fair : float
-        Where the model is not good, dt stays as it is, but below this ratio it is halved.
-    settled : float
-        Relative residual of Eq. 8 from which on, if the model is good, the transient term is left
-        out and the system iterated to the end.
-    """
-
-    converged: StepRule = StepRule()
-    follow: float = 1e10
-    good: tuple[float, float] = (0.8, 1.25)
-    growth: tuple[float, ...] = (1.0, 1.5, 2.0, 5.0)
-    least: float = 0.2
-    fair: float = 0.4
-    settled: float = 1e-4
-
-    def grown(self, dt: float, ratio: float, optimality: float, calm: int) -> float:
-        """Next dt after an accepted single iteration; infinite if the final update is due.
-
-        Parameters
-        ----------
-        dt, ratio, optimality : float
-        calm : int
-            How many updates in a row, this one included, were accepted at once.
-        """
-        if not self.good[0] < ratio < self.good[1]:
-            return dt if ratio > self.fair else dt / 2
-        if calm and optimality < self.settled:
-            return np.inf
-        return dt * self.growth[min(calm, len(self.growth) - 1)]
 
 
 @dataclass(frozen=True)
@@ -175,6 +120,9 @@ class LeapRule:
             if row["rejected"] > (1 if row["leap"] < 0.0 else 0)
         ]
         return grown if grown < min(failed, default=np.inf) else dt
+
+
+Rule = StepRule | LeapRule
 
 
 def time_unit(problem: SpringProblem) -> float:

@@ -14,6 +14,8 @@ import pytest
 
 import ngspring
 from ngspring import ControlPoint, Design, ProblemError, Result, StepRule, Update
+from ngspring.kkt import CoupledSystem
+from ngspring.report import design_lines
 from ngspring.steprule import PAPER_RULE
 
 # Small enough to converge in seconds; the interface width is that of Table 1 in element sizes.
@@ -404,3 +406,12 @@ def test_c4_is_reached_from_a_random_start() -> None:
     result = ngspring.optimize(problem, Design.random(problem, 0))
     assert result.converged, result.message
     np.testing.assert_allclose(result.q, [2, -2, -4], rtol=1e-3)
+
+
+def test_a_converged_saddle_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "falling_directions" not in ngspring.optimize(TINY, threads=1).design.info
+    expected = CoupledSystem(TINY).eigenvalues_of_a_minimum
+    monkeypatch.setattr(CoupledSystem, "eigenvalues_of_a_minimum", expected - 2)
+    design = ngspring.optimize(TINY, threads=1).design
+    assert design.info["falling_directions"] == 2
+    assert "at a saddle: C falls in 2 directions" in design_lines(design)[-1]

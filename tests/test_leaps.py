@@ -9,11 +9,11 @@ import pytest
 
 import ngspring
 from ngspring import Design, LeapRule, StepRule, Update
-from ngspring.backward_euler import BackwardEuler, Past
 from ngspring.kkt import CoupledSystem
 from ngspring.leaps import Leaping
 from ngspring.newton import NewtonSettings
 from ngspring.start import initial_state
+from ngspring.stepping import BackwardEuler, Past
 
 SMALL = ngspring.cases["C4"].replace(elements=8, l_i=10.0)
 DT = 50.0
