@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         contact_load_displacement,
     )
     from ngspring.design import Design
-    from ngspring.evolution import Result, Update, optimize
+    from ngspring.evolution import optimize
     from ngspring.export import export_body
     from ngspring.history import History
     from ngspring.html_report import ReportWriter, write_report
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from ngspring.stored import gallery
     from ngspring.targets import TargetCurve, read_curve
     from ngspring.taylor import taylor_test
+    from ngspring.updates import Result, Update
     from ngspring.verification import Verification, verify
 
 __version__ = "0.1.0"
@@ -72,10 +73,10 @@ _LAZY = {
     "RunState": "runstate",
     "read_run": "runstate",
     "Snapshots": "snapshots",
-    "Result": "evolution",
+    "Result": "updates",
     "LeapRule": "steprule",
     "StepRule": "steprule",
-    "Update": "evolution",
+    "Update": "updates",
     "optimize": "evolution",
     "gallery": "stored",
     "Optimality": "stationarity",

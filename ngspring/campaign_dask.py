@@ -18,7 +18,7 @@ from ngspring.campaign_worker import FAILED, News, Outcome, execute
 from ngspring.errors import ProblemError
 
 if TYPE_CHECKING:
-    from ngspring.evolution import Update
+    from ngspring.updates import Update
 
 SECONDS_TO_CONNECT = 10
 

@@ -24,7 +24,7 @@ from ngspring.files import PathLike
 from ngspring.problem import shown
 
 if TYPE_CHECKING:
-    from ngspring.evolution import Update
+    from ngspring.updates import Update
 
 DEATHS = 3
 

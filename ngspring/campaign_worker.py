@@ -23,7 +23,7 @@ from ngspring.problem import worst_deviation
 
 if TYPE_CHECKING:
     from ngspring.design import Design
-    from ngspring.evolution import Observer, Update
+    from ngspring.updates import Observer, Update
 
 logger = logging.getLogger(__name__)
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 import logging
 import numbers
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import ngsolve as ng
@@ -37,67 +36,17 @@ from ngspring.leaps import make_stepper
 from ngspring.newton import NewtonResult, NewtonSettings
 from ngspring.problem import SpringProblem, shown
 from ngspring.snapshots import SnapshotRecorder
-from ngspring.splines import FloatArray
 from ngspring.start import Start, initial_state, start_design
 from ngspring.stepping import Past, Stepper
 from ngspring.steprule import LeapRule, Rule, time_unit
 from ngspring.threads import parallel
+from ngspring.updates import Observer, Result, Update
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class Update:
-    """What an observer gets: one design update, accepted or not.
-
-    Attributes
-    ----------
-    accepted : bool
-    row : dict
-        The new row of the history (accepted), or that of the last accepted update.
-    dt : float
-        Pseudo-time step that was tried.
-    reason : str
-        Why a rejected update failed.
-    design : Design
-        The last accepted design.
-    """
-
-    accepted: bool
-    row: dict[str, float]
-    dt: float
-    reason: str
-    design: Design
-
-
 #: Returns to the path from rest before a run gives up, and dt after each (times `time_unit`).
 RETURNS, DT_RETURN = 3, 1e4
-
-Observer = Callable[[Update], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """Outcome of `optimize`.
-
-    Attributes
-    ----------
-    design : Design
-        The last accepted design, with its history.
-    history : History
-    q : array
-        Reaction forces at the control points in N.
-    converged : bool
-        Whether the final step without transient term was reached.
-    message : str
-        Why not, if not.
-    """
-
-    design: Design
-    history: History
-    q: FloatArray
-    converged: bool
-    message: str
 
 
 def optimize(

@@ -30,7 +30,7 @@ from ngspring.report_plots import forces_figure, reached_figure
 from ngspring.runstate import RUNNING, RunState, forces_of, stored_state
 
 if TYPE_CHECKING:
-    from ngspring.evolution import Update
+    from ngspring.updates import Update
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from ngspring.checkpoint import DESIGN, HISTORY
-from ngspring.evolution import Result
 from ngspring.files import write_text
 from ngspring.html_report import REPORT, write_report
 from ngspring.plots import convergence_figure, save_figure
@@ -13,6 +12,7 @@ from ngspring.report import response_csv
 from ngspring.rows_plot import design_figure
 from ngspring.runstate import RESPONSE, STATES, read_run
 from ngspring.states import at_control_points, control_point_responses, curve_displacements
+from ngspring.updates import Result
 from ngspring.vtu import write_vtu
 
 CONVERGENCE_PICTURE = "convergence.png"

@@ -16,7 +16,7 @@ from ngspring.labels import point_label, signed_percent, width_symbol
 from ngspring.problem import SpringProblem
 
 if TYPE_CHECKING:
-    from ngspring.evolution import Observer, Update
+    from ngspring.updates import Observer, Update
 
 
 def duration(seconds: float) -> str:

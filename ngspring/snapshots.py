@@ -22,7 +22,7 @@ from ngspring.problem import SpringProblem
 from ngspring.problem_toml import parse_toml
 
 if TYPE_CHECKING:
-    from ngspring.evolution import Update
+    from ngspring.updates import Update
 
 logger = logging.getLogger(__name__)
 

@@ -61,9 +61,8 @@ STARTS = {
     "T2": "run T2-coarse",
     "T1-not-robust": "run T1-nr-coarse",
     "T2-not-robust": "run T2-nr-coarse",
-    "CT4": "run CT1",
     "CT5": "run CT2",
-    "CT6": "run CT3",
+    "CT6": "run CT5",
     "A2": "run A1",
     "A3": "run A4",
 }

@@ -10,7 +10,7 @@ import pytest
 from ngspring.cases import cases
 from ngspring.design import Design
 from ngspring.errors import ProblemError
-from ngspring.evolution import Result, optimize
+from ngspring.evolution import optimize
 from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem
 from ngspring.response import load_displacement
 from ngspring.scaling import (
@@ -22,6 +22,7 @@ from ngspring.scaling import (
 )
 from ngspring.states import curve_displacements, index_of
 from ngspring.steprule import time_unit
+from ngspring.updates import Result
 
 UPDATES = 10
 

@@ -18,7 +18,6 @@ from commands import invoke
 
 from ngspring import ControlPoint, Design, RunFolderError, SpringProblem, gallery, optimize
 from ngspring.checkpoint import CHECKPOINT, DESIGN, LOCK, Checkpoint, in_use, locked
-from ngspring.evolution import Update
 from ngspring.history import History
 from ngspring.html_report import REPORT, ReportWriter
 from ngspring.newton import NewtonSettings
@@ -34,6 +33,7 @@ from ngspring.runstate import (
     stored_state,
 )
 from ngspring.steprule import StepRule
+from ngspring.updates import Update
 
 PROBLEM = SpringProblem((ControlPoint(-10.0, -2.0),), name="small", elements=8, l_i=10.0)
 
