@@ -315,10 +315,10 @@ class _Run:
         return {
             "update": float(len(self.rows)),
             "dt": dt,
-            "leap": 0.0 if outcome is None else outcome.leap,
             "newton_iterations": 0.0 if outcome is None else float(outcome.iterations),
             "rejected": float(rejected),
             "rejected_iterations": float(rejected_iterations),
+            "leap": 0.0 if outcome is None else outcome.leap,
             **{name: terms[name] for name in ("C", "volume", "interface", "curvature")},
             **{name: value for name, value in terms.items() if name.startswith("C_q")},
             **{name: value for name, value in terms.items() if name[0] == "q"},

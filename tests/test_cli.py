@@ -165,7 +165,7 @@ def test_no_convergence_is_code_3_with_pictures(
     original = evolution.optimize
 
     def give_up(*args: Any, **kwargs: Any) -> evolution.Result:
-        rule = evolution.StepRule(smallest=1e30)
+        rule = ngspring.StepRule(smallest=1e30)
         newton = evolution.NewtonSettings(max_iterations=1)
         return original(*args, **kwargs, rule=rule, newton=newton)
 

@@ -77,7 +77,9 @@ def test_every_stored_design_has_the_history_of_a_whole_run() -> None:
         np.testing.assert_array_equal(h["update"], np.arange(len(h)), name)
         assert h["dt"][-1] == np.inf, name
         assert np.isfinite(h["dt"][:-1]).all(), name
-        assert (np.diff(h["C"]) <= 1e-6 * np.abs(h["C"][1:])).all(), name
+        # C falls but where the states were put back on the path from rest (dt = 0).
+        steps = h["dt"][1:] > 0
+        assert (np.diff(h["C"])[steps] <= 1e-6 * np.abs(h["C"][1:])[steps]).all(), name
         width = equivalent_width(design.problem, design.volume) / design.problem.H
         assert h["width"][-1] == pytest.approx(width, rel=1e-10), name
         np.testing.assert_allclose(
