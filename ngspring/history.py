@@ -17,8 +17,9 @@ class History:
     Columns: ``update``, ``dt`` (inf in the final step), ``newton_iterations`` of the accepted
     step, ``rejected`` steps before it and the ``rejected_iterations`` they took, ``leap``
     (pseudo-time leapt over before it, negative if that was given up, see `ngspring.leaps`; not in
-    histories of older versions), ``C`` with its terms ``volume``, ``interface``, ``curvature`` and ``C_q1`` ..., the forces ``q1`` ... in N,
-    ``V`` in mm^3, ``width`` (Eq. 20 or 25 over H) and ``seconds`` since the start.
+    histories of older versions), ``C`` with its terms ``volume``, ``interface``, ``curvature`` and
+    ``C_q1`` ..., the forces ``q1`` ... in N, ``V`` in mm^3, ``width`` (Eq. 20 or 25 over H) and
+    ``seconds`` since the start.
     """
 
     columns: tuple[str, ...]
