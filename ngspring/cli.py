@@ -103,10 +103,9 @@ def _log_to(context: click.Context, handler: logging.Handler) -> None:
 
 
 def _verbose(context: click.Context, _: click.Parameter, value: bool) -> None:
-    # Once, if it stands both before and after the command.
-    root = context.find_root()
-    if value and not root.meta.setdefault("verbose", False):
-        root.meta["verbose"] = True
+    # Once, if it stands both before and after the command, which share what is in meta.
+    if value and "verbose" not in context.meta:
+        context.meta["verbose"] = True
         _log_to(context, _StderrHandler())
 
 

@@ -19,7 +19,7 @@ from ngspring.errors import ConvergenceError
 from ngspring.kkt import CoupledSystem, State
 from ngspring.newton import NewtonResult, NewtonSettings
 from ngspring.stepping import BackwardEuler, Past, Stepper
-from ngspring.steprule import LeapRule, Rule
+from ngspring.steprule import LeapRule, Rule, failed_updates
 
 
 class Leaping(Stepper):
@@ -52,17 +52,16 @@ class Leaping(Stepper):
             state.u + factor * (state.u - previous.u),
             state.lam,
         )
-        failed = NewtonResult(state, False, 0, "", None, np.inf)
         try:
             ahead = self._euler.elimination.relax(state, ahead)
         except ConvergenceError as error:
-            return dataclasses.replace(failed, reason=f"a leap too far: {error}")
+            return NewtonResult(state, False, 0, f"a leap too far: {error}", None, np.inf)
         outcome = self._euler.solved(ahead, dt, self._newton)
         if not outcome.converged:
             return dataclasses.replace(outcome, reason=f"a leap too far: {outcome.reason}")
-        before, after = (self.system.terms(each)["C"] for each in (state, outcome.state))
-        if not after < before:
-            reason = f"a leap too far: C rises by {after - before:.1e}"
+        rise = self.system.terms(outcome.state)["C"] - past.rows[-1]["C"]
+        if not rise < 0:
+            reason = f"a leap too far: C rises by {rise:.1e}"
             return dataclasses.replace(outcome, converged=False, reason=reason)
         return dataclasses.replace(outcome, leap=self._tried)
 
@@ -71,9 +70,8 @@ class Leaping(Stepper):
         if outcome.leap > 0.0:
             far = outcome.leap / dt * self._leaps.growth > self._leaps.largest
             return dt * self.rule.growth if far else dt
-        # An attempt to leap is no sign of a dt that is too large.
-        failed = past.rejected - (1 if outcome.leap else 0)
-        return self._leaps.held(past.rows, dt, self.rule.grown(dt, outcome.iterations, failed))
+        grown = self.rule.grown(dt, outcome.iterations, failed_updates(past.rows[-1]))
+        return self._leaps.held(past.rows, dt, grown)
 
     def shrunk(self, past: Past, dt: float) -> float:
         """See `Stepper`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from ngspring.elimination import Elimination
 from ngspring.kkt import CoupledSystem, State
 from ngspring.newton import NewtonResult, NewtonSettings, solve_update
-from ngspring.steprule import StepRule
+from ngspring.steprule import Rows, StepRule
 
 #: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
 POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
@@ -28,15 +27,15 @@ class Past:
         The last accepted one.
     previous : State
         The one before.
-    rows : sequence of mappings
-        The history so far (`ngspring.history.History`).
+    rows : Rows
+        The history so far.
     rejected : int
         Attempts that were made from ``state`` without success.
     """
 
     state: State
     previous: State
-    rows: Sequence[Mapping[str, float]]
+    rows: Rows
     rejected: int = 0
 
 

@@ -115,14 +115,17 @@ class LeapRule:
         if not self.creeping(rows):
             return grown
         failed = [
-            row["dt"] * self.converged.shrink
-            for row in rows[-self.memory :]
-            if row["rejected"] > (1 if row["leap"] < 0.0 else 0)
+            row["dt"] * self.converged.shrink for row in rows[-self.memory :] if failed_updates(row)
         ]
         return grown if grown < min(failed, default=np.inf) else dt
 
 
 Rule = StepRule | LeapRule
+
+
+def failed_updates(row: Mapping[str, float]) -> int:
+    """Attempts before an update that were rejected, without a leap: that says nothing of dt."""
+    return int(row["rejected"]) - (1 if row["leap"] < 0.0 else 0)
 
 
 def time_unit(problem: SpringProblem) -> float:
