@@ -106,7 +106,8 @@ class LeapRule:
             return 0.0
         for row in rows[: -self.patience - 1 : -1]:
             if row["leap"]:
-                factor = abs(row["leap"]) / row["dt"] * (self.growth if row["leap"] > 0 else 0.5)
+                tried = row["dt"] * self.converged.shrink ** failed_updates(row)
+                factor = abs(row["leap"]) / tried * (self.growth if row["leap"] > 0 else 0.5)
                 return min(factor, self.largest) if factor >= self.smallest else 0.0
         return self.first
 

@@ -24,10 +24,14 @@ def rows_of(
     leaps: dict[int, float] | None = None,
     rejected: dict[int, int] | None = None,
 ) -> list[dict[str, float]]:
-    """A history with these dt, leaps (in multiples of dt) and rejected attempts."""
+    """A history with these dt, leaps (in multiples of dt) and rejected attempts.
+
+    A leap that failed, which is stored as a negative one, is a rejected attempt unless told.
+    """
     rows = [{"dt": dt, "leap": 0.0, "rejected": 0.0} for dt in steps]
     for k, factor in (leaps or {}).items():
         rows[k]["leap"] = factor * rows[k]["dt"]
+        rows[k]["rejected"] = float(factor < 0.0)
     for k, count in (rejected or {}).items():
         rows[k]["rejected"] = float(count)
     return rows
@@ -50,6 +54,8 @@ def test_leaps_alternate_with_updates_that_show_the_drift() -> None:
     assert rule.factor(rows_of(steps, {3: 3.0})) == pytest.approx(3.0 * rule.growth)
     assert rule.factor(rows_of(steps, {3: -3.0})) == pytest.approx(1.5)
     assert rule.factor(rows_of(steps, {3: 9.0})) == rule.largest
+    # A leap of 3 of the dt that failed after it, too, was one of 3, not of 12.
+    assert rule.factor(rows_of(steps, {3: -12.0}, {3: 2})) == pytest.approx(1.5)
     # Given up after a short one that failed, and tried again later.
     assert rule.factor(rows_of(steps, {3: -0.8})) == 0.0
     assert rule.factor(rows_of([*steps, 1.0], {3: -0.8})) == rule.first
