@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -60,7 +61,8 @@ class Checkpoint:
         for name, state in (("state", self.state), ("previous", self.previous)):
             for part in ("chi", "u", "lam"):
                 arrays[f"{name}_{part}"] = getattr(state, part)
-        write_arrays(path, arrays)
+        # Written after every update, which is logged itself.
+        write_arrays(path, arrays, logging.DEBUG)
 
     @classmethod
     def load(cls, path: PathLike) -> Checkpoint:

@@ -24,8 +24,14 @@ PathLike = str | os.PathLike[str]
 
 
 @contextlib.contextmanager
-def replacing(path: PathLike) -> Iterator[Path]:
+def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
     """A temporary name in the folder of ``path`` that takes its place if the block succeeds.
+
+    Parameters
+    ----------
+    path : path
+    level : int
+        That the file was written is logged at this level.
 
     Raises
     ------
@@ -51,7 +57,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
-        logger.info("wrote %s", path)
+        logger.log(level, "wrote %s", path)
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
@@ -85,8 +91,11 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def write_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as one compressed .npz, atomically and without pickle."""
+def write_arrays(path: PathLike, arrays: Mapping[str, Any], level: int = logging.INFO) -> None:
+    """Write named arrays as one compressed .npz, atomically and without pickle.
+
+    See `replacing` for ``level``.
+    """
     buffer = io.BytesIO()
     converted = {name: np.asarray(value) for name, value in arrays.items()}
     # A damaged archive can lose a part without any other sign.
@@ -95,7 +104,7 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
         if value.dtype.hasobject:
             raise TypeError(f"{name} would need pickle")
     np.savez_compressed(buffer, **converted)  # type: ignore[arg-type]
-    with replacing(path) as temporary:
+    with replacing(path, level) as temporary:
         temporary.write_bytes(buffer.getvalue())
 
 

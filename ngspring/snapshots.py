@@ -75,7 +75,8 @@ class Snapshots:
             "updates": self.updates,
             "coefficients": self.coefficients,
         }
-        write_arrays(path, arrays)
+        # Written after every update, which is logged itself.
+        write_arrays(path, arrays, logging.DEBUG)
 
     @classmethod
     def load(cls, path: PathLike) -> Snapshots:

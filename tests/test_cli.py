@@ -391,6 +391,10 @@ def test_verbose_and_log_file(finished: SimpleNamespace, tmp_path: Path) -> None
     result = invoke("-v", "--log-file", log, "optimize", file, *options)
     assert "ngspring.evolution: update 1" in log.read_text()
     assert "ngspring.evolution: update 1" in result.stderr
+    # What is written after every update is not worth a line each time.
+    assert f"wrote {out / 'design.npz'}" in result.stderr
+    assert "checkpoint.npz" not in result.stderr
+    assert "snapshots.npz" not in result.stderr
 
 
 def test_logging_options_may_stand_behind_the_command(
