@@ -213,6 +213,7 @@ def test_smaller_elements_on_request() -> None:
     assert np.median(edges) < 0.51
     assert np.quantile(edges, 0.999) < 0.75
     assert quality(fine).largest_edge == pytest.approx(edges.max())
+    assert quality(fine).largest_edge < 1.0
     assert abs(quality(fine).area_error) < 1e-7
     assert quality(mesh_body(design, elements_across=8)).elements_across >= 8
 
