@@ -75,6 +75,8 @@ class Run:
         First pseudo-time step.
     max_updates : int, optional
         Stop after this many design updates.
+    folder : str
+        What the path of a start's design is relative to; the working directory by default.
 
     Raises
     ------
@@ -88,6 +90,7 @@ class Run:
     seed: int | None = None
     dt_initial: float | None = None
     max_updates: int | None = None
+    folder: str = ""
 
     def __post_init__(self) -> None:
         _check_name(self.name)
@@ -117,7 +120,13 @@ class Run:
     @property
     def design(self) -> str | None:
         """The design that is the start: a path or the name of a stored design."""
-        return self.start[7:] if self.start.startswith("design:") else None
+        if not self.start.startswith("design:"):
+            return None
+        text = self.start[len("design:") :]
+        path = Path(text)
+        if path.suffix or path.parent != Path() or Path(self.folder, path).exists():
+            return str(Path(self.folder, path))
+        return text
 
     @property
     def start_name(self) -> str:
@@ -231,9 +240,9 @@ def _runs(table: Mapping[str, Any], folder: Path) -> Iterator[Run]:
         name = table["name"]
         _check_name(name)
     start = table.get("start", "column")
-    if isinstance(start, str) and start.startswith("design:"):
-        start = "design:" + _design(start[len("design:") :], folder)
     options = {key: table[key] for key in ("seed", "dt_initial", "max_updates") if key in table}
+    if isinstance(start, str) and start.startswith("design:"):
+        options["folder"] = str(folder)
     for suffix, varied in _variations(problem, table):
         yield Run(name + suffix, varied, start, **options)
 
@@ -290,14 +299,6 @@ def _variations(
             if isinstance(changes[key], list)
         )
         yield suffix, varied
-
-
-def _design(text: str, folder: Path) -> str:
-    """A path in the campaign's folder, or the name of a stored design as it is."""
-    path = Path(text)
-    if text and (path.suffix or path.parent != Path() or (folder / path).exists()):
-        return str(folder / path)
-    return text
 
 
 def _check_keys(table: Mapping[str, object], keys: tuple[str, ...]) -> None:

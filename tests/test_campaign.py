@@ -113,6 +113,8 @@ def test_every_key(tmp_path: Path) -> None:
     assert (c.seed, c.start_name, len(c.problem.control_points)) == (7, "random, seed 7", 2)
     assert stored.design == "C6"
     assert path.design == str(tmp_path / "old" / "design.npz")
+    # A campaign that is moved with its designs goes on.
+    assert path.start_name == "design old/design.npz"
 
 
 def test_changes_with_lists_give_every_combination() -> None:
