@@ -259,6 +259,20 @@ def test_recompute_is_resumable_and_keeps_snapshots(
     assert tidy(saved["fig16"])
 
 
+def test_the_start_of_t1_is_an_ellipse_with_a_neck(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES / "starts"))
+    ellipse = importlib.import_module("ellipse")
+    run = script("figures").RUNS["T1"]
+    start = Design.load(run.design)
+    again = ellipse.ellipse(run.problem)
+    assert np.array_equal(start.coefficients, again.coefficients)
+    # Solid on the axis up to the loaded side; there the spline, which is level across it, puts the
+    # end of the neck within 0.15 mm of the ellipse (chi has a slope of 8 per mm).
+    assert start.density(50.0, 50.0) > 0.95
+    assert abs(start.chi(50 - 18 * np.sqrt(1 - (50 / 51) ** 2), 50.0)) < 8 * 0.15
+    assert abs(start.chi(32.0, 0.0)) < 8 * 0.02
+
+
 # -- the two figures without stored designs --------------------------------------------------------
 
 
