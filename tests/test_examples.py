@@ -266,8 +266,8 @@ def test_the_start_of_t1_is_an_ellipse_with_a_neck(monkeypatch: pytest.MonkeyPat
     start = Design.load(run.design)
     again = ellipse.ellipse(run.problem)
     assert np.array_equal(start.coefficients, again.coefficients)
-    # Solid on the axis up to the loaded side; there the spline, which is level across it, puts the
-    # end of the neck within 0.15 mm of the ellipse (chi has a slope of 8 per mm).
+    # Solid on the axis up to the middle of the spring; there the spline, which is level in y, puts
+    # the neck's wall within 0.15 mm of the ellipse (chi has a slope of 8 per mm).
     assert start.density(50.0, 50.0) > 0.95
     assert abs(start.chi(50 - 18 * np.sqrt(1 - (50 / 51) ** 2), 50.0)) < 8 * 0.15
     assert abs(start.chi(32.0, 0.0)) < 8 * 0.02

@@ -1,8 +1,8 @@
-"""The start of T1 in ../gallery.toml: a solid ellipse, cut by the sides where its tips would be.
+"""The start of T1 in ../gallery.toml: a solid ellipse that ends in a neck.
 
-Semi-axes of 18 and 51 mm, twice the height of the quarter and a little more: at the loaded side a
-neck is left. chi falls by 8/l_i per mm at the sides of the ellipse, as on an established interface
-(2.6), and has a parabola inside. Run by hand, it writes T1-ellipse.npz.
+Its semi-axis in y, 51 mm, is a little longer than the quarter is high: where the quarter ends, in
+the middle of the spring, a neck is left. On the axis y = 0 chi falls by 8/l_i per mm at the wall,
+as on an established interface (2.6). Run by hand, it writes T1-ellipse.npz.
 """
 
 from __future__ import annotations
