@@ -32,6 +32,8 @@ SNAPSHOTS = "snapshots.npz"
 LOCK = ".lock"
 #: `in_use` holds the lock for an instant: no reason for a run to give up.
 _SECONDS_TO_LOCK = 0.2
+#: Short, so that many tries fall between the instants of a process that looks again and again.
+_SECONDS_BETWEEN_TRIES = 0.002
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ def locked(folder: Path) -> Iterator[None]:
         raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error
     lock = FileLock(folder / LOCK)
     try:
-        lock.acquire(timeout=_SECONDS_TO_LOCK)
+        lock.acquire(timeout=_SECONDS_TO_LOCK, poll_interval=_SECONDS_BETWEEN_TRIES)
     except Timeout:
         raise RunFolderError(
             f"another run is writing to {folder}: wait for it, or use another folder"
