@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     groups = {
         title: {name: verified[name] for name in names if name in verified}
         for title, names in GROUPS.items()
+        if any(name in verified for name in names)  # --only may leave a diagram without curves
     }
     save(verifications_figure(groups), options, "fig13")
     return {

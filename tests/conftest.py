@@ -17,11 +17,17 @@ from ngspring.linear import symmetric
 from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem
 from ngspring.spaces import stretched
 from ngspring.splines import FloatArray
-from ngspring.threads import parallel
+from ngspring.threads import available, parallel
 
 # A busy machine must not fail a property test.
 settings.register_profile("no deadline", deadline=None)
 settings.load_profile("no deadline")
+
+
+@pytest.hookimpl(optionalhook=True)  # known to pytest-xdist only
+def pytest_xdist_auto_num_workers() -> int:
+    """Processes for ``-n auto``: one a processor, no more than the longest file leaves work for."""
+    return min(available(), 4)
 
 
 @pytest.fixture(scope="session", autouse=True)

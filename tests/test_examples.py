@@ -433,6 +433,7 @@ def test_fig_13_of_the_stored_c4(tmp_path: Path, saved: dict[str, Figure]) -> No
         assert 1.03 < numbers[place] / target < 1.09
     assert 0.03 < numbers["largest deviation"] < 0.09
     assert tidy(saved["fig13"])
+    assert [axes.get_title() for axes in saved["fig13"].axes] == ["compression"]
 
 
 def test_more_material_makes_c4_stiffer(
