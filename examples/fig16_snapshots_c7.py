@@ -7,8 +7,9 @@ The snapshots come with the package (ngspring/designs/snapshots-NAME.npz); --rec
 in runs/figures/NAME/snapshots.npz, minutes on a coarse mesh (--elements 32) and an hour or more on
 the paper's. Every run records them, see `ngspring.snapshots`.
 
-Numbers to expect: W/H = 0.5 at the start of both (of the random one only nearly), and 0.2526 at the
-end from the column (paper: 0.2539 after 153 updates; 0.2515 after 140 from its random start).
+Numbers to expect: W/H = 0.5 at the start from the column and 0.459 at the random one; 0.2526 at the
+end from the column after 93 updates (paper: 0.2539 after 153), and 0.2513 after 102 from the random
+start (paper: 0.2515 after 140 from its own).
 """
 
 from __future__ import annotations

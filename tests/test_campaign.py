@@ -12,6 +12,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -65,10 +66,11 @@ STARTS = {
     "CT6": "run CT5",
     "A2": "run A1",
     "A3": "run A4",
+    "C4-random": "random, seed 0",
 }
 
 
-def test_the_gallery_has_its_26_runs_and_three_that_are_only_starts() -> None:
+def test_the_gallery_has_26_runs_c4_from_a_random_start_and_three_that_are_only_starts() -> None:
     runs = {run.name: run for run in read_campaign(GALLERY).runs}
     coarse = {name for name in runs if name.endswith("-coarse")}
     assert coarse == {"T2-coarse", "T1-nr-coarse", "T2-nr-coarse"}
@@ -79,8 +81,9 @@ def test_the_gallery_has_its_26_runs_and_three_that_are_only_starts() -> None:
         *("T1-not-robust", "T2-not-robust"),
         *(f"CT{i}" for i in range(1, 7)),
         *(f"A{i}" for i in range(1, 5)),
+        "C4-random",
     ]
-    assert len(runs) - len(coarse) == 26
+    assert len(runs) - len(coarse) == 27
     for name, run in runs.items():
         problem = cases[name.split("-")[0]]
         if "not-robust" in name or "nr-coarse" in name:
@@ -543,3 +546,36 @@ def test_a_dask_cluster(tmp_path: Path) -> None:
     assert "cannot make the folder" in outcomes[1].message
     assert watch.first("first", "ended") < watch.first("last", "started")
     assert (tmp_path / "results.csv").exists()
+
+
+@needs_dask
+def test_a_run_goes_on_when_its_dask_worker_is_killed(tmp_path: Path) -> None:
+    from distributed import LocalCluster  # type: ignore[import-not-found,unused-ignore]
+
+    checkpoint, stop = tmp_path / "first" / CHECKPOINT, threading.Event()
+    killed: list[int] = []
+
+    def kill(pid: int) -> None:
+        while not stop.wait(0.01):
+            if checkpoint.exists():
+                os.kill(pid, signal.SIGKILL)
+                killed.append(pid)
+                return
+
+    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with LocalCluster(**options) as cluster:
+        (pid,) = (nanny.pid for nanny in cluster.workers.values())
+        killer = threading.Thread(target=kill, args=(pid,))
+        killer.start()
+        (outcome,) = run_campaign(
+            Campaign((Run("first", TINY),)), tmp_path, scheduler=cluster.scheduler_address
+        )
+        stop.set()
+        killer.join()
+        assert [nanny.pid for nanny in cluster.workers.values()] != [pid]
+    assert killed == [pid]
+    assert outcome.status == "converged"
+    # It went on from its checkpoint: no update is missing or there twice.
+    history = Design.load(tmp_path / "first" / "design.npz").history
+    assert history is not None
+    assert list(history["update"]) == list(range(len(history)))
