@@ -34,6 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, float]:
         "last dt": history.last()["dt"],
         "largest growth of C": float(np.max(np.diff(history["C"]) / history["C"][:-1])),
         "misfit left after 17 updates": float(misfit[17] / misfit[0]),
+        "misfit left after 20 updates": float(misfit[20] / misfit[0]),
         "last update with a smaller dt": float(np.flatnonzero(np.diff(history["dt"]) < 0)[-1] + 1),
     }
 

@@ -525,16 +525,19 @@ def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.Mo
         assert len(str(caught.value).splitlines()) == 1
 
 
-@needs_dask
-def test_a_dask_cluster(tmp_path: Path) -> None:
+def one_dask_worker(threads: int) -> Any:
     from distributed import LocalCluster  # type: ignore[import-not-found,unused-ignore]
 
+    return LocalCluster(n_workers=1, threads_per_worker=threads, dashboard_address=None)
+
+
+@needs_dask
+def test_a_dask_cluster(tmp_path: Path) -> None:
     runs = [Run("first", TINY, max_updates=2), Run("in the way", TINY)]
     runs.append(Run("last", TINY, "run:first", max_updates=1))
     (tmp_path / "in the way").touch()
     watch = Watch()
-    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 2, "dashboard_address": None}
-    with LocalCluster(**options) as cluster:
+    with one_dask_worker(threads=2) as cluster:
         outcomes = run_campaign(
             Campaign(tuple(runs)),
             tmp_path,
@@ -550,8 +553,6 @@ def test_a_dask_cluster(tmp_path: Path) -> None:
 
 @needs_dask
 def test_a_run_goes_on_when_its_dask_worker_is_killed(tmp_path: Path) -> None:
-    from distributed import LocalCluster  # type: ignore[import-not-found,unused-ignore]
-
     checkpoint, stop = tmp_path / "first" / CHECKPOINT, threading.Event()
     killed: list[int] = []
 
@@ -562,8 +563,7 @@ def test_a_run_goes_on_when_its_dask_worker_is_killed(tmp_path: Path) -> None:
                 killed.append(pid)
                 return
 
-    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
-    with LocalCluster(**options) as cluster:
+    with one_dask_worker(threads=1) as cluster:
         (pid,) = (nanny.pid for nanny in cluster.workers.values())
         killer = threading.Thread(target=kill, args=(pid,))
         killer.start()
