@@ -8,7 +8,6 @@ that it cannot resolve, is an error.
 
 from __future__ import annotations
 
-import pkgutil
 import sys
 import warnings
 from collections.abc import Sequence
@@ -19,13 +18,6 @@ import pdoc
 import ngspring
 
 
-def module_names() -> list[str]:
-    """The package and all its modules but the entry point of ``python -m ngspring``."""
-    found = {module.name for module in pkgutil.iter_modules(ngspring.__path__)} - {"__main__"}
-    # pdoc finds a module by itself if the package exports something of the same name.
-    return ["ngspring", *(f"ngspring.{name}" for name in sorted(found - set(ngspring.__all__)))]
-
-
 def build(folder: Path) -> Path:
     """Write the pages and return the first one."""
     pdoc.render.configure(
@@ -33,7 +25,7 @@ def build(folder: Path) -> Path:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
-        pdoc.pdoc(*module_names(), output_directory=folder)
+        pdoc.pdoc("ngspring", output_directory=folder)
     return folder / "index.html"
 
 

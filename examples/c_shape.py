@@ -37,17 +37,18 @@ from matplotlib.figure import Figure
 from netgen.occ import Glue, MoveTo, OCCGeometry, X
 from ngsolve.meshes import MakeStructured2DMesh
 
-from ngspring import ControlPoint, SpringProblem, energies
-from ngspring.contact import Contact, ContactLaw
-from ngspring.contact_mechanics import ContactMechanics
-from ngspring.contact_path import follow_contact
-from ngspring.plots import new_figure
-from ngspring.solid import Solid, numbered
-from ngspring.splines import FloatArray
-from ngspring.supports import dof_places, dofs_on
-from ngspring.surface import free_surface
-from ngspring.threads import parallel, tasks
-from ngspring.tunnelling import Skeleton
+from ngspring import ControlPoint, SpringProblem
+from ngspring.basics.arrays import FloatArray
+from ngspring.fem.process import parallel, tasks
+from ngspring.physics import energies
+from ngspring.solid.contact.contact import Contact, ContactLaw
+from ngspring.solid.contact.elasticity import Solid, numbered
+from ngspring.solid.contact.mechanics import ContactMechanics
+from ngspring.solid.contact.path import follow_contact
+from ngspring.solid.contact.supports import dof_places, dofs_on
+from ngspring.solid.contact.surface import free_surface
+from ngspring.solid.contact.tunnelling import Skeleton
+from ngspring.view.figure import new_figure
 
 LENGTH, HEIGHT, WALL, PATCH = 4.0, 2.0, 0.4, 0.1
 PUBLISHED = {0.5 * LENGTH: 0.0, -0.35 * LENGTH: -0.22258, -0.6 * LENGTH: -1.58447}

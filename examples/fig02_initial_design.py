@@ -15,7 +15,7 @@ import numpy as np
 from figures import read_options, save
 
 from ngspring import Design, cases
-from ngspring.plots import density_figure
+from ngspring.view.design import density_figure
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, float]:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from figures import load_designs, read_options, save
 
-from ngspring.plots import convergence_figure
+from ngspring.view.run import convergence_figure
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, float]:

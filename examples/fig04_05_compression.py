@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from figures import Numbers, compute_curves, load_designs, read_options, save
 
-from ngspring.plots import curves_figure
-from ngspring.rows_plot import gallery_figure
+from ngspring.view.design import curves_figure
+from ngspring.view.rows import gallery_figure
 
 NAMES = ("C1", "C2", "C3", "C4", "C5", "C6", "C7")
 

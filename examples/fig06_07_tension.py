@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 from figures import Numbers, compute_curves, load_designs, read_options, save
 
-from ngspring.plots import curves_figure
-from ngspring.rows_plot import gallery_figure
+from ngspring.view.design import curves_figure
+from ngspring.view.rows import gallery_figure
 
 NAMES = ("T1", "T2", "T3", "T4", "T5", "T6")
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from figures import Numbers, compute_curves, load_designs, read_options, save
 
-from ngspring.rows_plot import gallery_figure
+from ngspring.view.rows import gallery_figure
 
 NAMES = ("A1", "A2")
 

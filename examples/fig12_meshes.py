@@ -1,7 +1,8 @@
 """Fig. 12: body-fitted meshes of the lower left quarters of C1, C4, C7, T2, T3 and T6.
 
 Second-order triangles whose edges follow chi = 0, at least four across every wall, finer where the
-surface is strongly curved (`ngspring.bodymesh`). The paper's meshes are Gmsh's, ours Netgen's.
+surface is strongly curved (`ngspring.solid.mesh.mesh_body`). The paper's meshes are Gmsh's, ours
+Netgen's.
 
 Numbers to expect: the area of each mesh is that of {chi > 0} within 0.01 %, and no element is
 turned inside out.
@@ -13,8 +14,8 @@ from collections.abc import Sequence
 
 from figures import load_designs, read_options, save
 
-from ngspring.bodymesh import mesh_body
-from ngspring.verification_plot import meshes_figure
+from ngspring.solid.mesh.mesh_body import mesh_body
+from ngspring.view.solid import meshes_figure
 
 NAMES = ("C1", "C4", "C7", "T2", "T3", "T6")
 

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 from figures import load_designs, read_options, save
 
-from ngspring.verification import verify
-from ngspring.verification_plot import verifications_figure
+from ngspring.solid.verification import verify
+from ngspring.view.solid import verifications_figure
 
 GROUPS = {"compression": ("C1", "C4", "C7"), "tension": ("T2", "T3", "T6")}
 

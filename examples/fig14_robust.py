@@ -18,7 +18,7 @@ import numpy as np
 from figures import Numbers, compute_curves, load_designs, read_options, save
 
 from ngspring import Design
-from ngspring.rows_plot import robust_figure
+from ngspring.view.rows import robust_figure
 
 CASES = ("T1", "T2")
 NAMES = tuple(name for case in CASES for name in (case, f"{case}-not-robust"))

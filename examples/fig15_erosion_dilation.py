@@ -17,7 +17,7 @@ import numpy as np
 from figures import read_options, save
 
 from ngspring import cases
-from ngspring.plots import offsets_figure, ramp
+from ngspring.view.design import offsets_figure, ramp
 
 OFFSETS = (-2.0, 0.0, 2.0)
 # Slopes of 8 / l_i, with an interface of l_i = 8 mm so that it can be seen.

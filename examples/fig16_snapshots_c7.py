@@ -3,9 +3,9 @@
 The initial design, five designs on the way, and the last one. Half columns at the left and the
 right border are one column: the sides are symmetry lines.
 
-The snapshots come with the package (ngspring/designs/snapshots-NAME.npz); --recompute makes them
-in runs/figures/NAME/snapshots.npz, minutes on a coarse mesh (--elements 32) and an hour or more on
-the paper's. Every run records them, see `ngspring.snapshots`.
+The snapshots come with the package (ngspring/design/stored/snapshots-NAME.npz); --recompute makes
+them in runs/figures/NAME/snapshots.npz, minutes on a coarse mesh (--elements 32) and an hour or
+more on the paper's. Every run records them, see `ngspring.design.snapshots`.
 
 Numbers to expect: W/H = 0.5 at the start from the column and 0.459 at the random one; 0.2526 at the
 end from the column after 93 updates (paper: 0.2539 after 153), and 0.2513 after 102 from the random
@@ -19,8 +19,8 @@ from importlib.resources import as_file, files
 
 from figures import Options, read_options, recompute, save
 
-from ngspring.rows_plot import snapshots_figure
-from ngspring.snapshots import Snapshots
+from ngspring.design.snapshots import Snapshots
+from ngspring.view.rows import snapshots_figure
 
 NAMES = ("C7", "C7-random")
 
@@ -31,7 +31,7 @@ def load(name: str, options: Options) -> Snapshots | None:
     if options.recompute:
         recompute(name, options)
         return Snapshots.load(options.folder(name) / "snapshots.npz").select()
-    resource = files("ngspring") / "designs" / f"snapshots-{name}.npz"
+    resource = files("ngspring.design") / "stored" / f"snapshots-{name}.npz"
     if not resource.is_file():
         print(f"no snapshots of {name}: make them with --recompute")
         return None

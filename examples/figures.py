@@ -23,13 +23,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ngspring import Design, Response, gallery, load_displacement, optimize
-from ngspring.arguments import on_mesh, read_design
-from ngspring.campaign import read_campaign
-from ngspring.labels import width_symbol
-from ngspring.plots import save_figure
-from ngspring.progress import shown_progress
-from ngspring.report import make_console
-from ngspring.states import curve_displacements, index_of
+from ngspring.analysis.states import curve_displacements, index_of
+from ngspring.campaign.plan import read_campaign
+from ngspring.cli.progress import shown_progress
+from ngspring.cli.tables import make_console
+from ngspring.evolution.folder import read_design
+from ngspring.problem.scaling import on_mesh
+from ngspring.view.figure import save_figure
+from ngspring.view.text import width_symbol
 
 HERE = Path(__file__).parent
 ALL_RUNS = {run.name: run for run in read_campaign(HERE / "gallery.toml").runs}

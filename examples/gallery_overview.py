@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from figures import RUNS, Numbers, read_options, save
 
 from ngspring import gallery
-from ngspring.labels import width_symbol
-from ngspring.plots import draw_design, new_figure
+from ngspring.view.design import draw_design
+from ngspring.view.figure import new_figure
+from ngspring.view.text import width_symbol
 
 COLUMNS = 9
 

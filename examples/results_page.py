@@ -24,9 +24,9 @@ from typing import Any
 from figures import RUNS
 
 from ngspring import Design, gallery
-from ngspring.files import write_text
-from ngspring.problem import worst_deviation
-from ngspring.verification import deviation_text
+from ngspring.basics.files import write_text
+from ngspring.problem.point import worst_deviation
+from ngspring.view.text import deviation_text
 
 HERE = Path(__file__).parent
 PAGE = HERE / "README.md"

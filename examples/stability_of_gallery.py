@@ -1,9 +1,9 @@
 """Is the symmetric load path of each stored design stable? (Point of view of the full domain.)
 
 For every design of the gallery the lowest eigenvalue of the full domain's tangent is computed at
-the control points and along the path between them, see `ngspring.stability`. The outcome goes
-to examples/results/stability.json, which the results page shows; where a path loses its stability
-the critical state and its mode are drawn in examples/figures/stability-NAME.png.
+the control points and along the path between them, see `ngspring.analysis.stability`. The outcome
+goes to examples/results/stability.json, which the results page shows; where a path loses its
+stability the critical state and its mode are drawn in examples/figures/stability-NAME.png.
 
 Designs that have not changed since are skipped. One to five minutes for each on one core.
 
@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from ngspring import Design, gallery
-from ngspring.files import write_text
-from ngspring.plots import save_figure
-from ngspring.stability import Critical, Stability, stability
-from ngspring.stability_cli import stability_lines
-from ngspring.stability_plot import stability_figure
+from ngspring.analysis.stability import Critical, Stability, stability
+from ngspring.basics.files import write_text
+from ngspring.cli.stability import stability_lines
+from ngspring.view.figure import save_figure
+from ngspring.view.stability import stability_figure
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "stability.json"

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 from figures import load_designs, read_options, save
 
-from ngspring.offsets import tolerance
-from ngspring.offsets_plot import tolerance_figure
+from ngspring.solid.tolerance import tolerance
+from ngspring.view.tolerance import tolerance_figure
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from ngspring import NgspringError, gallery
-from ngspring.files import write_text
-from ngspring.plots import save_figure
-from ngspring.verification import verify
-from ngspring.verification_plot import contact_states_figure, verification_figure
+from ngspring.basics.files import write_text
+from ngspring.solid.verification import verify
+from ngspring.view.figure import save_figure
+from ngspring.view.solid import contact_states_figure, verification_figure
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "verification.json"

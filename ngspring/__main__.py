@@ -1,5 +1,5 @@
 """``python -m ngspring`` is the command line."""
 
-from ngspring.cli import main
+from ngspring.cli.main import main
 
 main()

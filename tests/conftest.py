@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import ngsolve as ng
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from hypothesis import settings
-from scipy.sparse.linalg import splu
+from support.designs import rough_coefficients
 
-from ngspring.design import Design
-from ngspring.kkt import CoupledSystem, Residual, State
-from ngspring.linear import symmetric
-from ngspring.problem import KINEMATICS, ControlPoint, SpringProblem
-from ngspring.spaces import stretched
-from ngspring.splines import FloatArray
-from ngspring.threads import available, parallel
+from ngspring.design.design import Design
+from ngspring.fem.process import available, parallel
+from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.point import ControlPoint
+from ngspring.problem.spring import SpringProblem
 
 # A busy machine must not fail a property test.
 settings.register_profile("no deadline", deadline=None)
@@ -43,7 +40,7 @@ def random() -> np.random.Generator:
     return np.random.default_rng(20230916)
 
 
-@pytest.fixture(params=KINEMATICS)
+@pytest.fixture(params=list(KINEMATICS))
 def kinematics(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -94,85 +91,6 @@ def balanced(kinematics: str) -> SpringProblem:
     )
 
 
-def rough_coefficients(problem: SpringProblem) -> FloatArray:
-    """Solid (chi about 4) to void (about -7.5), with noise, on the coefficients of a problem."""
-    column = Design.from_function(
-        problem,
-        lambda x, y: (
-            6 * np.cos(2 * np.pi * (x / problem.L - 0.5))
-            - 2
-            + 3 * np.cos(2 * np.pi * y / problem.H) * np.cos(4 * np.pi * x / problem.L)
-        ),
-    )
-    noise = np.random.default_rng(7).uniform(-0.4, 0.4, problem.coefficient_shape)
-    return column.coefficients + noise
-
-
 @pytest.fixture
 def rough(balanced: SpringProblem) -> Design:
     return Design(balanced, rough_coefficients(balanced))
-
-
-FIELDS = ("chi", "u", "lam")
-
-
-class Flat:
-    """The coupled system as functions of one vector (chi, u_1, u_2, ..., lam_1, lam_2, ...).
-
-    Its state is rough in every field, far from equilibrium, with no element inverted.
-    """
-
-    dt = 3e3
-
-    def __init__(self, design: Design, domain: str = "quarter", solver: str = "auto") -> None:
-        self.problem = design.problem.replace(domain=domain)
-        self.system = system = CoupledSystem(self.problem, solver)
-        points, n = system.points, system.free
-        self.shapes = ((system.coefficients,), (len(points), n), (len(points), n + 1))
-        random = np.random.default_rng(5)
-        unit = system.displacement.restrict(stretched(system.scalar))[:-1]
-        u = [p.d * unit + 0.4 * random.uniform(-1, 1, n) for p in points]
-        size = 0.3 * np.array([abs(p.q) * p.weight for p in points])[:, None]
-        lam = size * random.uniform(-1, 1, self.shapes[2])
-        self.x = self.vector(State(design.coefficients.ravel(), np.array(u), lam))
-        self.chi_old = design.coefficients.ravel() + random.uniform(-1, 1, system.coefficients)
-
-    @staticmethod
-    def vector(of: State | Residual) -> FloatArray:
-        return np.concatenate([of.chi, of.u.ravel(), of.lam.ravel()])
-
-    def field(self, name: str) -> slice:
-        """Where a field stands in the vector; "all" for all of them."""
-        if name == "all":
-            return slice(None)
-        ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.shapes)])
-        i = FIELDS.index(name)
-        return slice(ends[i], ends[i + 1])
-
-    def state(self, x: FloatArray) -> State:
-        parts = (x[self.field(name)].copy() for name in FIELDS)
-        return State(*(p.reshape(shape) for p, shape in zip(parts, self.shapes, strict=True)))
-
-    def residual(self, x: FloatArray) -> FloatArray:
-        return self.vector(self.system.residual(self.state(x), self.chi_old, self.dt))
-
-    def as_residual(self, r: FloatArray) -> Residual:
-        state = self.state(r)
-        return Residual(state.chi, state.u, state.lam, {})
-
-    def matrix(self, x: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Product with the Newton matrix, out of the transformed triangle that is factorised."""
-        system = self.system
-        system.assemble(self.state(x), self.dt)
-        assert system._maps is not None
-        packed = symmetric(system._maps.triangle)
-        unit = np.eye(system.unknowns)
-        columns = [sp.csc_matrix(self.vector(system._unpack(e))[:, None]) for e in unit]
-        inverse = splu(sp.hstack(columns, format="csc"))
-        return lambda d: inverse.solve(packed @ inverse.solve(d), "T")
-
-    def direction(self, field: str, seed: int = 0) -> FloatArray:
-        d = np.zeros_like(self.x)
-        part = self.field(field)
-        d[part] = np.random.default_rng(seed).uniform(-1, 1, d[part].shape)
-        return d

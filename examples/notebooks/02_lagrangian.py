@@ -39,7 +39,7 @@ from ngsolve.meshes import MakeStructured2DMesh
 from ngsolve.webgui import Draw
 
 from ngspring import taylor_test
-from ngspring.plots import new_figure
+from ngspring.view.figure import new_figure
 
 ng.SetNumThreads(1)  # a problem this small is slower on several threads
 
@@ -306,9 +306,9 @@ scene = Draw(1 / (1 + ng.exp(-fields[0])), mesh, "density", deformation=fields[1
 # The target is met. With a finite $\Delta t$ the design is not stationary yet, and on this mesh parts
 # of it are grey; [notebook 3](03_design_your_own.ipynb) goes all the way to $\Delta t=\infty$.
 #
-# ngspring is this notebook with more care: $\chi$ in $C^1$ splines (`ngspring.spaces`), several
-# control points with one block each (`ngspring.lagrangian`), a fast linear solver
-# (`ngspring.kkt`), and rules for $\Delta t$ (`ngspring.evolution`). The functional is the same.
+# ngspring is this notebook with more care: $\chi$ in $C^1$ splines (`ngspring.fem.grid`), several
+# control points with one block each (`ngspring.physics.lagrangian`), a fast linear solver
+# (`ngspring.kkt.system`), and rules for $\Delta t$ (`ngspring.evolution.optimize`). The functional is the same.
 
 # %%
 orders = (test.first_order, test.second_order)

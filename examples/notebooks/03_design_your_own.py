@@ -34,11 +34,14 @@ from ngsolve.webgui import Draw
 
 import ngspring
 from ngspring import ControlPoint, SpringProblem
-from ngspring.energies import rho
-from ngspring.fields import design_fields
-from ngspring.plots import convergence_figure, draw_curve, draw_design, new_figure
-from ngspring.rows_plot import design_figure
-from ngspring.states import control_point_responses
+from ngspring.analysis.states import control_point_responses
+from ngspring.physics.energies import rho
+from ngspring.view.curves import draw_curve
+from ngspring.view.design import draw_design
+from ngspring.view.fields import design_fields
+from ngspring.view.figure import new_figure
+from ngspring.view.rows import design_figure
+from ngspring.view.run import convergence_figure
 
 THREADS = 1  # more on a machine that has nothing else to do
 

@@ -34,10 +34,11 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from ngsolve.webgui import Draw
 
 import ngspring
-from ngspring.offsets_plot import tolerance_figure
-from ngspring.outline import outline
-from ngspring.plots import draw_design, new_figure
-from ngspring.verification_plot import contact_states_figure, draw_body, verification_figure
+from ngspring.solid.outline.outline import outline
+from ngspring.view.design import draw_design
+from ngspring.view.figure import new_figure
+from ngspring.view.solid import contact_states_figure, draw_body, verification_figure
+from ngspring.view.tolerance import tolerance_figure
 
 THREADS = 1  # more on a machine that has nothing else to do
 

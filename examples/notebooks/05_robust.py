@@ -38,11 +38,12 @@ import numpy as np
 from ngsolve.webgui import Draw
 
 import ngspring
-from ngspring.energies import rho
-from ngspring.fields import design_fields
-from ngspring.plots import draw_design, new_figure, offsets_figure, ramp
-from ngspring.rows_plot import Panel, Row, rows_figure
-from ngspring.states import force_at, full_displacement, index_of
+from ngspring.analysis.states import force_at, full_displacement, index_of
+from ngspring.physics.energies import rho
+from ngspring.view.design import draw_design, offsets_figure, ramp
+from ngspring.view.fields import design_fields
+from ngspring.view.figure import new_figure
+from ngspring.view.rows import Panel, Row, rows_figure
 
 THREADS = 1  # more on a machine that has nothing else to do
 

@@ -39,13 +39,14 @@ from scipy.optimize import brentq
 
 import ngspring
 from ngspring import ControlPoint, SpringProblem
-from ngspring.body import SURFACE
-from ngspring.energies import radius, rho
-from ngspring.fields import design_fields
-from ngspring.outline import outline
-from ngspring.plots import density_figure, new_figure
-from ngspring.rows_plot import design_figure
-from ngspring.states import control_point_responses
+from ngspring.analysis.states import control_point_responses
+from ngspring.physics.energies import radius, rho
+from ngspring.solid.outline.outline import outline
+from ngspring.solid.sides import SURFACE
+from ngspring.view.design import density_figure
+from ngspring.view.fields import design_fields
+from ngspring.view.figure import new_figure
+from ngspring.view.rows import design_figure
 
 THREADS = 1  # more on a machine that has nothing else to do
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ngspring import Design, SpringProblem, cases
-from ngspring.splines import FloatArray
+from ngspring.basics.arrays import FloatArray
 
 FILE = Path(__file__).with_name("T1-ellipse.npz")
 

@@ -1,0 +1,104 @@
+from .analysis.response import Response as Response
+from .analysis.response import load_displacement as load_displacement
+from .basics.errors import ConvergenceError as ConvergenceError
+from .basics.errors import DesignFileError as DesignFileError
+from .basics.errors import ExportError as ExportError
+from .basics.errors import NgspringError as NgspringError
+from .basics.errors import OutlineError as OutlineError
+from .basics.errors import ProblemError as ProblemError
+from .basics.errors import RunFolderError as RunFolderError
+from .basics.version import __version__ as __version__
+from .design.design import Design as Design
+from .design.gallery import gallery as gallery
+from .design.history import History as History
+from .design.snapshots import Snapshots as Snapshots
+from .evolution.optimize import optimize as optimize
+from .evolution.runstate import RunState as RunState
+from .evolution.runstate import read_run as read_run
+from .evolution.steprule import LeapRule as LeapRule
+from .evolution.steprule import StepRule as StepRule
+from .evolution.updates import Result as Result
+from .evolution.updates import Update as Update
+from .fem.taylor import taylor_test as taylor_test
+from .kkt.stationarity import Optimality as Optimality
+from .kkt.stationarity import optimality as optimality
+from .problem.cases import cases as cases
+from .problem.cases import get_case as get_case
+from .problem.curves.curve import TargetCurve as TargetCurve
+from .problem.curves.curve import read_curve as read_curve
+from .problem.material import bulk_and_shear_modulus as bulk_and_shear_modulus
+from .problem.material import young_from_shore_A as young_from_shore_A
+from .problem.point import ControlPoint as ControlPoint
+from .problem.scaling import scaled as scaled
+from .problem.scaling import with_similar_weights as with_similar_weights
+from .problem.spring import SpringProblem as SpringProblem
+from .problem.targets.from_curve import problem_from_curve as problem_from_curve
+from .problem.targets.plausibility import Finding as Finding
+from .problem.targets.plausibility import check_targets as check_targets
+from .solid.contact.response import ContactResponse as ContactResponse
+from .solid.contact.response import ContactSettings as ContactSettings
+from .solid.contact.response import contact_load_displacement as contact_load_displacement
+from .solid.export.export import export_body as export_body
+from .solid.mesh.body import Body as Body
+from .solid.mesh.mesh_body import mesh_body as mesh_body
+from .solid.tolerance import Tolerance as Tolerance
+from .solid.tolerance import tolerance as tolerance
+from .solid.verification import Verification as Verification
+from .solid.verification import verify as verify
+from .view.animation import animate_deformation as animate_deformation
+from .view.animation import animate_evolution as animate_evolution
+from .view.report import ReportWriter as ReportWriter
+from .view.report import write_report as write_report
+
+__all__ = [
+    "Body",
+    "ContactResponse",
+    "ContactSettings",
+    "ControlPoint",
+    "ConvergenceError",
+    "Design",
+    "DesignFileError",
+    "ExportError",
+    "Finding",
+    "History",
+    "LeapRule",
+    "NgspringError",
+    "Optimality",
+    "OutlineError",
+    "ProblemError",
+    "ReportWriter",
+    "Response",
+    "Result",
+    "RunFolderError",
+    "RunState",
+    "Snapshots",
+    "SpringProblem",
+    "StepRule",
+    "TargetCurve",
+    "Tolerance",
+    "Update",
+    "Verification",
+    "animate_deformation",
+    "animate_evolution",
+    "bulk_and_shear_modulus",
+    "cases",
+    "check_targets",
+    "contact_load_displacement",
+    "export_body",
+    "gallery",
+    "get_case",
+    "load_displacement",
+    "mesh_body",
+    "optimality",
+    "optimize",
+    "problem_from_curve",
+    "read_curve",
+    "read_run",
+    "scaled",
+    "taylor_test",
+    "tolerance",
+    "verify",
+    "with_similar_weights",
+    "write_report",
+    "young_from_shore_A",
+]

@@ -1,0 +1,1 @@
+"""Forward analysis of a given design: equilibrium, load path, stability."""

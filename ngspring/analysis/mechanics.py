@@ -1,0 +1,350 @@
+"""Equilibrium of a given design (Eqs. 4 and 19 with chi frozen) along a path of displacements.
+
+The same energy as in the coupled system. Equilibrium at a prescribed d is a root of the forces on
+the free displacements; the reaction force q is the force on u_Ty, so ``q = dE/dd`` holds exactly
+for the discrete energy E.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import ngsolve as ng
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import ConvergenceError
+from ngspring.fem.constraints import displacement_extraction, stretched
+from ngspring.fem.grid import Grid, ScalarSpace
+from ngspring.fem.linear import make_factorization, multiply, wants_upper
+from ngspring.fem.process import tasks
+from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern
+from ngspring.physics import energies
+from ngspring.physics.void import VoidRegularisation, integration_rule
+from ngspring.problem.scaling import force_unit
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """One point of a load path.
+
+    Attributes
+    ----------
+    d : float
+        Displacement of the top side in mm.
+    u : array (free,)
+        Free displacements in mm.
+    q : float
+        Reaction force in N.
+    tangent : array (free,)
+        du/dd, the predictor of the next point.
+    stiffness : float
+        dq/dd in N/mm.
+    iterations : int
+        Newton iterations.
+    """
+
+    d: float
+    u: FloatArray
+    q: float
+    tangent: FloatArray
+    stiffness: float
+    iterations: int
+
+
+class Mechanics:
+    """Forces, tangent and equilibrium of a fixed design.
+
+    Parameters
+    ----------
+    scalar : ScalarSpace
+        Mesh and space; its grid's problem gives material and kinematics.
+    chi : ngsolve.CoefficientFunction or array (ndof,)
+        The design field: a formula, or H1 dofs.
+    eta : float
+        Offset added to chi (2.6).
+    solver, threads
+        See `ngspring.fem.linear.make_factorization`.
+    """
+
+    MAX_ITERATIONS = 25
+
+    def __init__(
+        self,
+        scalar: ScalarSpace,
+        chi: ng.CoefficientFunction | FloatArray,
+        eta: float = 0.0,
+        solver: str = "auto",
+        threads: int = 1,
+    ) -> None:
+        self.scalar = scalar
+        grid: Grid = scalar.grid
+        problem = grid.problem
+        self.force_unit = force_unit(problem)
+        self.displacement = displacement_extraction(scalar)
+        self.extraction = self.displacement.matrix
+        self._transposed = self.extraction.T.tocsr()
+        self.free = self.displacement.free
+        self.void = VoidRegularisation(scalar)
+        self._field = ng.GridFunction(scalar.space)
+        self._eta = ng.Parameter(eta)
+        table = self.void.table
+        if isinstance(chi, np.ndarray):
+            field: ng.CoefficientFunction = self._field
+            self._field.vec.FV().NumPy()[:] = chi
+            at_points = self.void.chi_at_points(chi)
+        else:
+            field = chi
+            points = grid.mesh(table.x.ravel(), table.y.ravel())
+            at_points = np.asarray(chi(points)).reshape(table.x.shape)
+        space = ng.VectorH1(grid.mesh, order=2)
+        u = space.TrialFunction()
+        energy = energies.strain_energy(u, ng.Grad(u), problem)
+        scaled = energies.stiffness(field + self._eta, problem) * energy
+        self._form = ng.BilinearForm(space, symmetric=True)
+        rule = {ng.ET.QUAD: integration_rule()}
+        density = energies.measure(grid) * scaled
+        self._form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
+        self._u = ng.GridFunction(space)
+        self._u.vec[:] = 0.0
+        self._result = self._u.vec.CreateVector()
+        self._prepare(solver, threads)
+        self._set_points(at_points + eta)
+
+    def _prepare(self, solver: str, threads: int) -> None:
+        """Index maps from NGSolve's values to the tangent on the independent displacements."""
+        with tasks():
+            self._form.AssembleLinearization(self._u.vec)
+        rows, columns = csr_pattern(self._form)
+        left = self.extraction
+        pattern = product_pattern(rows, columns, left, left)
+        self._map = product_map(rows, columns, left, left, pattern)
+        n = self.scalar.ndof
+        table = self.void.table.dofs
+        r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
+        self._void_map = product_map(*both, left, left, pattern)
+        rows, columns = pattern.rows, pattern.columns
+        if wants_upper(solver):
+            rows, columns = columns, rows
+        #: where the values of the factorised triangle are in those of the whole
+        self._inner_entries = np.flatnonzero((rows < self.free) & (columns <= rows))
+        keys = pattern.keys[self._inner_entries]
+        inner = Pattern(keys - keys // pattern.shape[1], (self.free, self.free))
+        triangle = inner.matrix(np.ones(len(keys)))
+        self._diagonal = np.flatnonzero(inner.rows == inner.columns)
+        self._factorization = make_factorization(triangle, solver, threads)
+        self._top_entries = np.flatnonzero(
+            (pattern.rows < self.free) & (pattern.columns == self.free)
+        )
+        self._top_rows = pattern.rows[self._top_entries]
+        self._corner = int(np.searchsorted(pattern.keys, pattern.shape[0] * pattern.shape[1] - 1))
+
+    def _set_points(self, at_points: FloatArray) -> None:
+        self._at_points = at_points
+        self._constant: FloatArray | None = None
+        self._stiff_diagonal: FloatArray | None = None
+
+    def _void_stiffness(self) -> FloatArray:
+        """The void's part of the tangent, made when a tangent first needs it."""
+        if self._constant is None:
+            element = self.void.stiffness(self._at_points).ravel()
+            self._constant = self._void_map @ np.concatenate([element, element])
+        return self._constant
+
+    def set_design(self, chi: FloatArray, eta: float) -> None:
+        """Replace the design (H1 dofs) and its offset; only if it was given as dofs before."""
+        self._field.vec.FV().NumPy()[:] = chi
+        self._eta.Set(eta)
+        self._set_points(self.void.chi_at_points(chi) + eta)
+
+    def full_field(self, d: float, u: FloatArray) -> FloatArray:
+        """Dofs of the VectorH1 space (x component first)."""
+        return np.asarray(self.extraction @ np.append(u, d))
+
+    def energy(self, d: float, u: FloatArray) -> float:
+        """Strain energy E of the whole spring in N mm (with the void's)."""
+        full = self.full_field(d, u)
+        self._u.vec.FV().NumPy()[:] = full
+        with tasks():
+            neo_hookean = float(self._form.Energy(self._u.vec))
+        return neo_hookean + 0.5 * float(full @ self.void.forces(self._at_points, full))
+
+    def forces(self, d: float, u: FloatArray) -> FloatArray:
+        """dE/d(u, d): forces on the free displacements, and q as the last entry."""
+        full = self.full_field(d, u)
+        self._u.vec.FV().NumPy()[:] = full
+        with tasks():
+            self._form.Apply(self._u.vec, self._result)
+        total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
+        return np.asarray(self._transposed @ total)
+
+    def assemble(self, d: float, u: FloatArray, shift: float = 0.0) -> tuple[FloatArray, float]:
+        """Assemble and factorise the tangent; returns its column of u_Ty and their corner.
+
+        ``shift`` times the diagonal of the undeformed tangent is added for `settle`.
+
+        Raises
+        ------
+        ConvergenceError
+            If an entry is not finite or the factorisation fails.
+        """
+        self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
+        with tasks():
+            self._form.AssembleLinearization(self._u.vec)
+        values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._void_stiffness()
+        if not np.isfinite(values).all():
+            raise ConvergenceError("the tangent has entries that are not finite")
+        self._factorization.matrix.data[:] = values[self._inner_entries]
+        if shift > 0.0:
+            self._factorization.matrix.data[self._diagonal] += shift * self._diagonal_at_rest()
+        try:
+            self._factorization.factorize()
+        except Exception as error:
+            raise ConvergenceError(f"the factorisation failed: {error}") from error
+        column = np.zeros(self.free)
+        column[self._top_rows] = values[self._top_entries]
+        return column, float(values[self._corner])
+
+    def _diagonal_at_rest(self) -> FloatArray:
+        if self._stiff_diagonal is None:
+            self._u.vec.FV().NumPy()[:] = 0.0
+            form = self._form
+            with tasks():
+                form.AssembleLinearization(self._u.vec)
+            values = self._map @ form.mat.AsVector().FV().NumPy() + self._void_stiffness()
+            self._stiff_diagonal = values[self._inner_entries[self._diagonal]]
+        return self._stiff_diagonal
+
+    def settle(
+        self, d: float, u: FloatArray, accuracy: float, max_iterations: int = 100
+    ) -> tuple[FloatArray, FloatArray]:
+        """Go downhill in the strain energy to a stable equilibrium at a prescribed d.
+
+        Where a branch of equilibria ends (a crease or a piece of the void snaps through), no
+        Newton iteration can follow it: the spring jumps. This is where it lands, by Newton steps
+        with as large a shift of the tangent as it takes to lower the energy.
+
+        Parameters
+        ----------
+        d : float
+        u : array (free,)
+            An admissible state.
+        accuracy : float
+            Norm of the forces in N that counts as balanced.
+        max_iterations : int
+
+        Returns
+        -------
+        u, tangent : arrays
+            Equilibrium and du/dd.
+
+        Raises
+        ------
+        ConvergenceError
+            If none is found.
+        """
+        shift = 1e-4
+        energy, force = self.energy(d, u), self.forces(d, u)
+        if not (np.isfinite(energy) and np.isfinite(force).all()):
+            raise ConvergenceError("the state to settle from inverts an element")
+        for _ in range(max_iterations):
+            column, _ = self.assemble(d, u, shift)
+            negative = self._factorization.negative_eigenvalues
+            balanced = np.linalg.norm(force[:-1]) <= accuracy
+            if balanced and shift == 0.0 and not negative:
+                return u, -self.solve_linear(column)
+            update = self.solve_linear(-force[:-1])
+            trial = u + update
+            trial_force = self.forces(d, trial)
+            trial_energy = self.energy(d, trial)
+            # Rounding of the energy must not stop the last steps.
+            lower = trial_energy <= energy + 1e-12 * abs(energy)
+            if np.isfinite(trial_force).all() and lower and not negative:
+                u, force, energy = trial, trial_force, trial_energy
+                shift = shift / 5 if shift > 1e-9 else 0.0
+                continue
+            if shift > 1e4:
+                break
+            shift = max(10 * shift, 1e-8)
+        raise ConvergenceError("no stable equilibrium was found")
+
+    def solve_linear(self, rhs: FloatArray) -> FloatArray:
+        """Solution with the last tangent, refined once."""
+        x = self._factorization.solve(rhs)
+        return x + self._factorization.solve(rhs - multiply(self._factorization.matrix, x))
+
+    def adjoint(self, point: Equilibrium, lam_top: float) -> FloatArray:
+        """lam with ``K lam = 0`` and the given value on the top (Eq. 7): it is du/dd times that."""
+        return np.append(point.tangent * lam_top, lam_top)
+
+    def equilibrium(self, d: float, guess: FloatArray) -> Equilibrium:
+        """Newton's method at a prescribed d.
+
+        Steps that would invert an element (a non-finite residual) are halved.
+
+        Raises
+        ------
+        ConvergenceError
+            If it does not converge.
+        """
+        u = guess
+        force = self.forces(d, u)
+        if not np.isfinite(force).all():
+            raise ConvergenceError("the initial guess inverts an element")
+        first = np.linalg.norm(force[:-1])
+        for iteration in range(1, self.MAX_ITERATIONS + 1):
+            column, corner = self.assemble(d, u)
+            update = self.solve_linear(-force[:-1])
+            step = 1.0
+            while True:
+                trial = u + step * update
+                trial_force = self.forces(d, trial)
+                if np.isfinite(trial_force).all():
+                    break
+                step /= 2
+                if step < 1e-3:
+                    raise ConvergenceError("every Newton step inverts an element")
+            u, force = trial, trial_force
+            norm = np.linalg.norm(force[:-1])
+            size = np.abs(step * update).max() if len(update) else 0.0
+            if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + self.force_unit):
+                raise ConvergenceError("Newton's method diverges")
+            # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
+            if (
+                step == 1.0
+                and size <= 1e-7 * self.scalar.grid.problem.H
+                and norm <= 1e-9 * (1e-3 * self.force_unit + abs(force[-1]))
+            ):
+                column, corner = self.assemble(d, u)
+                u = u - self.solve_linear(force[:-1])
+                q = float(self.forces(d, u)[-1])
+                tangent = -self.solve_linear(column)
+                return Equilibrium(d, u, q, tangent, corner + float(column @ tangent), iteration)
+        raise ConvergenceError(f"no convergence in {self.MAX_ITERATIONS} Newton iterations")
+
+    def refined(self, point: Equilibrium) -> Equilibrium:
+        """The same equilibrium and its tangent to rounding.
+
+        q - q_* is a millionth of q at an optimum, and the adjoint state is this tangent times it:
+        what is good enough to follow a path is too rough to judge stationarity.
+        """
+        d, u = point.d, point.u
+        self.assemble(d, u)
+        u = u - self.solve_linear(self.forces(d, u)[:-1])
+        column, corner = self.assemble(d, u)
+        u = u - self.solve_linear(self.forces(d, u)[:-1])
+        tangent = -self.solve_linear(column)
+        # u itself is rounded: what that leaves out of balance belongs to q, weighted by du/dd.
+        force = self.forces(d, u)
+        q = float(force[-1] + tangent @ force[:-1])
+        stiffness = corner + float(column @ tangent)
+        return Equilibrium(d, u, q, tangent, stiffness, point.iterations + 2)
+
+    def at_rest(self) -> Equilibrium:
+        """The undeformed state, d = 0."""
+        return self.equilibrium(0.0, np.zeros(self.free))
+
+    def uniform_stretch(self, d: float) -> FloatArray:
+        """Free displacements of u = (0, y d / H)."""
+        return d * self.displacement.restrict(stretched(self.scalar))[:-1]

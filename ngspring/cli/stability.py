@@ -1,0 +1,106 @@
+"""The command ``ngspring stability``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ngspring.cli.arguments import make_folder
+from ngspring.cli.options import NOT_CONVERGED, threads_option
+from ngspring.evolution.folder import read_design
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ngspring.analysis.stability import Critical, Stability
+
+PICTURE = "stability.png"
+
+
+@click.command("stability", short_help="Does a design buckle out of its symmetry?")
+@click.argument("name", metavar="DESIGN")
+@click.option(
+    "--points",
+    type=click.IntRange(min=2),
+    default=9,
+    show_default=True,
+    help="Displacements between the outermost control points (which are added, and zero).",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help=f"Folder for {PICTURE}; the design's own by default.",
+)
+@threads_option
+def stability_command(name: str, points: int, out: Path | None, threads: int | None) -> int:
+    """Lowest eigenvalue of the full domain's tangent along the symmetric load path.
+
+    The design is a file, a run folder, or the name of a stored design. Where the eigenvalue is
+    negative the spring leaves the symmetric path; the critical displacement is found and its mode
+    is drawn. An unstable design is a result, not an error: the exit code is 0.
+    """
+    from ngspring.analysis.stability import stability
+    from ngspring.analysis.states import curve_displacements
+    from ngspring.cli.tables import make_console
+    from ngspring.view.figure import save_figure
+    from ngspring.view.stability import stability_figure
+
+    design, path = read_design(name)
+    controls = [point.d for point in design.problem.control_points]
+    displacements = [0.0, *controls, *curve_displacements(design, points=points)]
+    outcome = stability(design, displacements, threads=threads)
+    make_console().print(stability_table(outcome))
+    for line in stability_lines(outcome):
+        click.echo(line)
+    folder = path.parent if out is None else out
+    make_folder(folder)
+    picture = folder / PICTURE
+    save_figure(stability_figure(design, outcome), picture)
+    click.echo(f"picture: {picture}")
+    if not outcome.complete:
+        click.echo(f"incomplete: {outcome.message}", err=True)
+        return NOT_CONVERGED
+    return 0
+
+
+def stability_table(outcome: Stability) -> Table:
+    """One row per displacement."""
+    from rich.table import Table
+
+    table = Table()
+    for column in ("d [mm]", "q [N]", "lowest eigenvalue", "negative", "", "in solid", "symmetry"):
+        table.add_column(column, justify="left" if column in ("", "symmetry") else "right")
+    for point, relative in zip(outcome.points, outcome.relative, strict=True):
+        # At rest all modes of the solid have the same eigenvalue: no one of them is the lowest.
+        mode = None if point.d == 0.0 else point.modes[0]
+        table.add_row(
+            f"{point.d:g}",
+            f"{point.q:.6f}",
+            f"{relative:.5f}",
+            "unknown" if point.negative is None else f"{point.negative}",
+            point.verdict,
+            "" if mode is None else f"{100 * mode.shares[0]:.0f} %",
+            "" if mode is None else mode.symmetry_text,
+        )
+    return table
+
+
+def stability_lines(outcome: Stability) -> list[str]:
+    """Verdict, and each loss of stability."""
+    if outcome.stable:
+        first, last = outcome.d.min(), outcome.d.max()
+        return [f"the symmetric path is stable from d = {first:g} to {last:g} mm"]
+    return [_critical_line(critical) for critical in outcome.critical]
+
+
+def _critical_line(critical: Critical) -> str:
+    mode = critical.mode
+    side = "compression" if critical.d < 0 else "tension"
+    whose = "the spring's" if mode.kind == "solid" else f"the third medium's own, in {mode.kind}"
+    return (
+        f"unstable in {side} from d = {critical.d:.3f} mm, q = {critical.q:.6g} N on: a mode"
+        f" {mode.symmetry_text}, {whose}"
+        f" ({100 * mode.shares[0]:.0f} % of its strain energy in solid)"
+    )

@@ -1,0 +1,277 @@
+"""The commands ``ngspring targets`` and ``ngspring materials``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import click
+
+from ngspring.basics.checks import finite_number, shown
+from ngspring.basics.errors import ProblemError
+from ngspring.cli.arguments import read_problem
+from ngspring.cli.options import FAILED
+from ngspring.problem.cases import cases
+from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.spring import SpringProblem, height_and_area
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+#: Ranges of d and q.
+Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+
+
+def refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
+    """Say on stderr what is doubtful about a problem, and refuse what cannot be met.
+
+    Raises
+    ------
+    ProblemError
+        If there is an error and not ``anyway``.
+    """
+    from ngspring.problem.targets.plausibility import check_targets
+
+    findings = check_targets(problem)
+    errors = [finding.message for finding in findings if finding.level == "error"]
+    if errors and not anyway:
+        raise ProblemError(f"{'; '.join(errors)}. To try nevertheless: --anyway")
+    for finding in findings:
+        if finding.level != "note":
+            click.echo(f"ngspring: warning: {finding.message}", err=True)
+
+
+@click.command("materials")
+def materials_command() -> None:
+    """List common elastomers with their hardness and Young's modulus.
+
+    The moduli are Gent's relation for the hardness, no measurements.
+    """
+    from ngspring.cli.tables import make_console
+
+    make_console().print(_materials_table())
+
+
+def _materials_table() -> Table:
+    from rich.table import Table
+
+    from ngspring.problem.material import ELASTOMERS, GENT_RANGE, young_from_shore_A
+
+    def modulus(hardness: float) -> str:
+        beyond = "~" if not GENT_RANGE[0] <= hardness <= GENT_RANGE[1] else ""
+        return f"{beyond}{young_from_shore_A(hardness):.2g}"
+
+    table = Table(
+        title="common elastomers",
+        caption="Hardness as commonly offered; E from it by A. N. Gent, Rubber Chem. Technol. 31"
+        " (1958) 896, good for 20 to 80 Shore A and to about 20 %; ~ is beyond. A tensile test of"
+        " your own material is better. nu: 0.4 (the paper's) to 0.45 for all of them; real rubber"
+        " is closer to 0.5, where the elements would lock.",
+    )
+    for name in ("material", "symbol", "Shore A", "E [MPa]", "typical", "E [MPa]", "made"):
+        table.add_column(
+            name, justify="left" if name in ("material", "symbol", "made") else "right"
+        )
+    for e in ELASTOMERS:
+        low, high = e.shore_A
+        table.add_row(
+            e.name,
+            e.symbol,
+            f"{low:g} - {high:g}",
+            f"{modulus(low)} - {modulus(high)}",
+            f"{e.typical:g}",
+            modulus(e.typical),
+            e.note,
+        )
+    return table
+
+
+@click.command("targets", short_help="Check a target curve, and make a problem of it.")
+@click.argument("curve", metavar="CURVE.csv|CURVE.svg|FILE.toml|CASE")
+@click.option("--length", "L", type=float, help="L in mm: across the load, or the diameter.")
+@click.option("--height", "H", type=float, help="H in mm: along the load.")
+@click.option("--thickness", "T", type=float, help="Out-of-plane thickness T in mm.")
+@click.option("--material", help="Elastomer by name, see `ngspring materials`.")
+@click.option("--shore-a", "shore_A", type=float, help="Hardness instead of E.")
+@click.option("--E", "E", type=float, help="Young's modulus in MPa.")
+@click.option("--nu", type=float, help="Poisson's ratio; 0.4 by default.")
+@click.option("--kinematics", type=click.Choice(KINEMATICS), help="Plane strain by default.")
+@click.option("--elements", type=int, help="N of the N x N mesh; 80 by default.")
+@click.option("--points", type=click.IntRange(min=1), help="Number of control points to choose.")
+@click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")
+@click.option("--d-range", help="Of an SVG drawing: d in mm at the left and right, as -20,10.")
+@click.option("--q-range", help="Of an SVG drawing: q in N at the bottom and top, as -6,3.")
+@click.option(
+    "--compression",
+    is_flag=True,
+    help="The curve counts compression as positive, as test machines do: turn both signs.",
+)
+@click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
+@click.option(
+    "--write",
+    "out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the problem for `ngspring optimize`.",
+)
+def targets_command(
+    curve: str,
+    points: int | None,
+    at: str | None,
+    d_range: str | None,
+    q_range: str | None,
+    compression: bool,
+    robust: bool,
+    out: Path | None,
+    **described: float | int | str | None,
+) -> int:
+    """Check a target before an hour is spent on it.
+
+    The curve is a CSV file with columns d and q, or strain and stress, whose header may give
+    units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
+    --d-range and --q-range describe. Tension is positive; of a test that counts compression as
+    positive --compression turns the signs. Sizes not given are the paper's:
+    100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
+
+    Exit code 1 if the target cannot be met.
+    """
+    from ngspring.basics.files import write_text
+    from ngspring.cli.tables import make_console
+    from ngspring.problem.targets.plausibility import check_targets
+
+    given = {key: value for key, value in described.items() if value is not None}
+    remarks: tuple[str, ...] = ()
+    text = ""
+    if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
+        if given or points or at or robust or out or d_range or q_range or compression:
+            raise click.UsageError("a problem is checked as it is: options belong to a curve")
+        problem = read_problem(curve)[0]
+    else:
+        if out is not None:
+            _check_writable(out)
+        name = curve if out is None else out.name
+        axes = _axes(curve, d_range, q_range)
+        problem, remarks, text = _problem_of_curve(
+            curve, name, given, points, at, robust, axes, compression
+        )
+    click.echo(_described(problem))
+    make_console().print(_points_table(problem))
+    for remark in remarks:
+        click.echo(f"note: {remark}")
+    findings = check_targets(problem)
+    for finding in findings:
+        click.echo(f"{finding.level}: {finding.message}")
+    if not findings:
+        click.echo("nothing speaks against this target")
+    refused = any(finding.level == "error" for finding in findings)
+    if out is not None:
+        write_text(out, text)
+        optimize = f"ngspring optimize {shlex.quote(str(out))}"
+        advice = f"{optimize} will refuse it, unless --anyway is given" if refused else optimize
+        click.echo(f"written: {out}; {'but' if refused else 'next:'} {advice}")
+    return FAILED if refused else 0
+
+
+def _problem_of_curve(
+    curve: str,
+    name: str,
+    given: dict[str, float | int | str],
+    points: int | None,
+    at: str | None,
+    robust: bool,
+    axes: Axes | None,
+    compression: bool,
+) -> tuple[SpringProblem, tuple[str, ...], str]:
+    """The problem as it would be read from the file that is written, remarks, and that file."""
+    from ngspring.problem.annotated import annotated_toml
+    from ngspring.problem.curves.curve import read_curve
+    from ngspring.problem.targets.from_curve import problem_from_curve
+
+    if "T" in given and not KINEMATICS[str(given.get("kinematics", "plane strain"))].thick:
+        raise click.UsageError("an axisymmetric spring has no thickness")
+    target = read_curve(curve, *height_and_area(given), axes, compression)
+    at_d = None if at is None else _numbers("--at", at)
+    problem = problem_from_curve(target, points, at_d, robust=robust, name=Path(name).stem, **given)
+    text = annotated_toml(problem, Path(curve).name, given)
+    remarks = target.remarks
+    chosen = [point for point in problem.control_points if not point.eta]
+    if len(chosen) < len(target.d):
+        share = 100 * target.deviation(chosen)
+        remarks += (
+            f"{len(chosen)} control points stand for {len(target.d)} points: a smooth curve through"
+            f" them is within {share:.2g} % of the largest force",
+        )
+    return SpringProblem.parse_toml(text), remarks, text
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [finite_number(option, float(part)) for part in text.replace(";", ",").split(",")]
+    except ProblemError:
+        raise
+    except ValueError:
+        raise ProblemError(f"{option} {shown(text)} must be numbers, as -20,-10,10") from None
+
+
+def _axes(curve: str, d_range: str | None, q_range: str | None) -> Axes | None:
+    """Ranges of a drawing's axes."""
+    if Path(curve).suffix.lower() != ".svg":
+        if d_range or q_range:
+            raise click.UsageError("--d-range and --q-range belong to an SVG drawing")
+        return None
+    if d_range is None or q_range is None:
+        raise click.UsageError("an SVG drawing needs --d-range and --q-range")
+    pairs = [_numbers("--d-range", d_range), _numbers("--q-range", q_range)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise click.UsageError("--d-range and --q-range are two numbers each, as -20,10")
+    return (pairs[0][0], pairs[0][1]), (pairs[1][0], pairs[1][1])
+
+
+def _described(problem: SpringProblem) -> str:
+    """A problem in one line."""
+    from ngspring.problem.material import young_and_poisson
+
+    E, nu = young_and_poisson(problem.K, problem.G)
+    size = f"{problem.L:g} x {problem.H:g}" + (f" x {problem.T:g}" if problem.motion.thick else "")
+    return (
+        f"{problem.name or 'spring'}: {problem.kinematics}, {size} mm, E = {E:.3g} MPa,"
+        f" nu = {nu:.3g}, {problem.elements} x {problem.elements} elements"
+    )
+
+
+def _points_table(problem: SpringProblem) -> Table:
+    from rich.table import Table
+
+    from ngspring.problem.targets.full_block import block_force
+
+    table = Table()
+    for name in ("d [mm]", "q [N]", "η", "strain d/H", "stress q/area [MPa]", "of a full block"):
+        table.add_column(name, justify="right")
+    for point in problem.control_points:
+        table.add_row(
+            f"{point.d:g}",
+            f"{point.q:g}",
+            f"{point.eta:g}",
+            _strain(point.d / problem.H),
+            f"{point.q / problem.top_area:.4g}",
+            f"{100 * point.q / block_force(problem, point.d):.3g} %",
+        )
+    return table
+
+
+def _strain(value: float) -> str:
+    """To three decimals, or as many as show two digits."""
+    return f"{value:+.3f}" if abs(value) >= 0.01 else f"{value:+.2g}"
+
+
+def _check_writable(out: Path) -> None:
+    """Raise ProblemError unless a new problem can have this name."""
+    if out.suffix.lower() != ".toml":
+        raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
+    if out.exists():
+        raise ProblemError(f"{out} exists already: choose another name, or remove it first")
+    if not out.parent.is_dir():
+        raise ProblemError(
+            f"--write {out} is not possible: there is no folder {out.parent}, make it first"
+        )

@@ -1,0 +1,68 @@
+"""The gallery: finished designs that come with the package, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib.resources import as_file, files
+
+from ngspring.basics.checks import nearest, shown
+from ngspring.basics.errors import DesignFileError
+from ngspring.design.design import Design
+from ngspring.problem.cases import cases
+
+
+class UnknownDesignError(DesignFileError, KeyError):
+    """There is no stored design of this name."""
+
+    __str__ = ValueError.__str__
+
+
+class Gallery(Mapping[str, Design]):
+    """Read-only mapping from names to stored designs, each loaded when asked for."""
+
+    def __init__(self) -> None:
+        self._folder = files("ngspring.design") / "stored"
+
+    def _names(self) -> list[str]:
+        if not self._folder.is_dir():
+            return []
+        names = [entry.name for entry in self._folder.iterdir()]
+        # Snapshots of a run (Fig. 16) lie beside the designs.
+        return sorted(
+            name.removesuffix(".npz")
+            for name in names
+            if name.endswith(".npz") and not name.startswith("snapshots-")
+        )
+
+    def __getitem__(self, name: str) -> Design:
+        """The design of this name.
+
+        Raises
+        ------
+        UnknownDesignError
+            If there is none; the message names the nearest one.
+        """
+        names = self._names()
+        if name not in names:
+            hint = f": did you mean {nearest(str(name), names)!r}?" if names else ""
+            if str(name).upper() in cases:
+                hint = f" for this case yet; there are {', '.join(names)}"
+            raise UnknownDesignError(f"there is no stored design {shown(name)}{hint}")
+        with as_file(self._folder / f"{name}.npz") as path:
+            return Design.load(path)
+
+    def __repr__(self) -> str:
+        return f"<gallery of stored designs: {', '.join(self)}>"
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names())
+
+    def __len__(self) -> int:
+        return len(self._names())
+
+
+gallery = Gallery()
+"""The stored designs."""

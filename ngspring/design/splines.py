@@ -1,0 +1,123 @@
+"""C1 quadratic B-splines on a uniform grid: the space of the design field chi (2.7).
+
+On a line with ``cells`` cells of length ``h`` the uniform quadratic B-splines are numbered
+``k = 0 ... cells + 1``; spline ``k`` is centred at its Greville point ``(k - 1/2) h``, so the
+first and the last one have their centre half a cell outside the line (the *ghost layer*).
+chi is a tensor product of two such lines. The symmetries of the paper fold coefficients onto each
+other:
+
+- in x, ``c_k = c_{N+1-k}`` (mirror line in the middle); nothing is imposed on the sides, so the
+  ghost coefficient stays independent: ``N/2 + 1`` of them;
+- in y, the same mirror line, and a zero normal derivative at bottom and top, ``c_0 = c_1``:
+  ``N/2`` of them.
+
+A design is therefore an array of shape ``(N/2 + 1, N/2)`` whatever domain it is analysed on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ngspring.basics.arrays import FloatArray, IntArray
+from ngspring.problem.spring import SpringProblem
+
+
+def fold_x(elements: int) -> IntArray:
+    """Independent coefficient of each of the ``elements + 2`` splines in x."""
+    k = np.arange(elements + 2)
+    return np.minimum(k, elements + 1 - k)
+
+
+def fold_y(elements: int) -> IntArray:
+    """Independent coefficient of each of the ``elements + 2`` splines in y."""
+    k = np.arange(elements + 2)
+    return np.maximum(np.minimum(k, elements + 1 - k), 1) - 1
+
+
+def greville_points(problem: SpringProblem) -> tuple[FloatArray, FloatArray]:
+    """Greville points of the independent coefficients.
+
+    Returns
+    -------
+    x, y : arrays of shape ``(N/2 + 1, N/2)``
+        Coordinates in mm from the lower left corner of the full domain: cell centres of the lower
+        left quarter, and in x one ghost column half a cell outside the left side.
+    """
+    nx, ny = problem.coefficient_shape
+    x = (np.arange(nx) - 0.5) * problem.h_x
+    y = (np.arange(ny) + 0.5) * problem.h_y
+    grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
+    return grid_x, grid_y
+
+
+def hierarchical_functionals(cells: int, fold: IntArray) -> sp.csr_matrix:
+    """Coefficients -> hierarchical quadratic finite element dofs on a line.
+
+    Row ``2 i`` is the value at vertex ``i``; row ``2 i + 1`` is the *bubble* of cell ``i``: the
+    value in its middle minus the mean of its ends. Quadratic splines are piecewise quadratic, so
+    these rows reproduce them exactly.
+    """
+    vertex = np.arange(cells + 1)
+    cell = np.arange(cells)
+    rows = np.concatenate([2 * vertex, 2 * vertex] + [2 * cell + 1] * 3)
+    splines = np.concatenate([vertex, vertex + 1, cell, cell + 1, cell + 2])
+    weights = np.concatenate(
+        [np.full(2 * (cells + 1), 0.5)] + [np.full(cells, w) for w in (-0.125, 0.25, -0.125)]
+    )
+    shape = (2 * cells + 1, int(fold.max()) + 1)
+    return sp.csr_matrix((weights, (rows, fold[splines])), shape=shape)
+
+
+def _values_and_index(
+    t: FloatArray, h: float, cells: int, derivative: int
+) -> tuple[IntArray, tuple[FloatArray, ...]]:
+    cell = np.clip(np.floor(t / h).astype(np.int64), 0, cells - 1)
+    s = t / h - cell
+    if derivative == 0:
+        return cell, (0.5 * (1 - s) ** 2, 0.5 + s * (1 - s), 0.5 * s**2)
+    if derivative == 1:
+        return cell, ((s - 1) / h, (1 - 2 * s) / h, s / h)
+    one = np.ones_like(s) / h**2
+    return cell, (one, -2 * one, one)
+
+
+def evaluate(
+    problem: SpringProblem,
+    coefficients: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    derivative: tuple[int, int] = (0, 0),
+) -> FloatArray:
+    """chi, or one of its derivatives, anywhere in the full domain.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    coefficients : array of shape ``problem.coefficient_shape``
+    x, y : arrays (broadcast against each other)
+        Points in mm from the lower left corner of the full domain.
+    derivative : pair of int
+        Order of the derivative in x and in y, each 0, 1 or 2.
+
+    Raises
+    ------
+    ValueError
+        For a point outside the domain, or NaN (a rounding error outside is accepted).
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    for name, value, size in (("x", x, problem.L), ("y", y, problem.H)):
+        bad = ~((value >= -1e-9 * size) & (value <= (1 + 1e-9) * size))
+        if bad.any():
+            raise ValueError(
+                f"{name} = {value[bad].flat[0]:g} lies outside the domain, 0 <= {name} <= {size:g}"
+            )
+    cells = problem.elements
+    i, weights_x = _values_and_index(x, problem.h_x, cells, derivative[0])
+    j, weights_y = _values_and_index(y, problem.h_y, cells, derivative[1])
+    ix, iy = fold_x(cells), fold_y(cells)
+    result = np.zeros(x.shape)
+    for a in range(3):
+        for b in range(3):
+            result += weights_x[a] * weights_y[b] * coefficients[ix[i + a], iy[j + b]]
+    return result

@@ -1,0 +1,47 @@
+"""Whether a design's states lie on the path that the spring takes when it is loaded from rest.
+
+The evolution carries displacements along from one design update to the next. Where the design
+moves past a bifurcation they stay on their branch, while the spring, loaded from rest, takes
+another: walls that are kept buckled outwards may buckle inwards. Such a state satisfies Eqs. 4, 7
+and 8 and meets its targets, but it is not what the spring does. Forces alone do not tell: two
+branches may carry the same at a control point, and have different sensitivities.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.design.design import Design
+from ngspring.kkt.start import initial_state
+from ngspring.kkt.stationarity import relative_optimality
+from ngspring.kkt.system import CoupledSystem, State
+from ngspring.problem.spring import SpringProblem
+
+#: Forces that differ by more than this, relative to the largest target, belong to two branches.
+SAME_BRANCH = 1e-3
+#: Residual of Eq. 8 relative to its terms, up to which the path from rest is stationary too.
+STATIONARY = 1e-6
+
+
+def on_another_branch(problem: SpringProblem, q: FloatArray, q_rest: FloatArray) -> bool:
+    """Whether forces in N at the control points are not those of the path from rest."""
+    scale = max(abs(point.q) for point in problem.control_points)
+    return bool(np.abs(q - q_rest).max() > SAME_BRANCH * (scale or np.abs(q).max()))
+
+
+def path_from_rest(system: CoupledSystem, state: State) -> State | None:
+    """The same design's state on the path from rest; None if ``state`` lies on it.
+
+    Raises
+    ------
+    ConvergenceError
+        If the path from rest ends before a control point.
+    """
+    problem = system.problem
+    design = Design(problem, state.chi.reshape(problem.coefficient_shape))
+    rest = initial_state(system, design)
+    if on_another_branch(problem, state.forces(problem), rest.forces(problem)):
+        return rest
+    here, there = (relative_optimality(system, place) for place in (state, rest))
+    return rest if there > STATIONARY and there > 10 * here else None

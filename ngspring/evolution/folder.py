@@ -1,0 +1,153 @@
+"""The folder of a run: who holds it, and what it holds."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from ngspring.design.design import Design
+from ngspring.design.gallery import gallery
+from ngspring.evolution.checkpoint import Checkpoint
+
+try:
+    import fcntl
+except ImportError:  # not a Unix system
+    fcntl = None  # type: ignore[assignment]
+
+from ngspring.basics.errors import RunFolderError
+from ngspring.problem.spring import SpringProblem
+
+CHECKPOINT = "checkpoint.npz"
+
+
+DESIGN = "design.npz"
+
+
+HISTORY = "history.csv"
+
+
+SNAPSHOTS = "snapshots.npz"
+
+
+LOCK = ".lock"
+
+
+#: `in_use` holds the lock for an instant: no reason for a run to give up.
+_SECONDS_TO_LOCK = 0.2
+
+
+#: Short, so that many tries fall between the instants of a process that looks again and again.
+_SECONDS_BETWEEN_TRIES = 0.002
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a run folder; it is let go when the process ends, however it ends.
+
+    Raises
+    ------
+    RunFolderError
+        If another process holds it, or the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error
+    lock = FileLock(folder / LOCK)
+    try:
+        lock.acquire(timeout=_SECONDS_TO_LOCK, poll_interval=_SECONDS_BETWEEN_TRIES)
+    except Timeout:
+        raise RunFolderError(
+            f"another run is writing to {folder}: wait for it, or use another folder"
+        ) from None
+    except OSError as error:
+        raise RunFolderError(f"cannot write to {folder}: {error.strerror}") from error
+    try:
+        with contextlib.suppress(OSError):
+            # Says since when the folder is held, see `in_use_since`.
+            os.utime(folder / LOCK)
+        # Left behind by a process that was killed while it wrote.
+        for leftover in folder.glob(".*-*.npz"):
+            leftover.unlink(missing_ok=True)
+        yield
+    finally:
+        lock.release()
+
+
+def in_use(folder: Path) -> bool | None:
+    """Whether a process holds a run folder; nothing is written. None where that is unknown."""
+    if fcntl is None:
+        return None
+    try:
+        handle = os.open(folder / LOCK, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return None
+    finally:
+        os.close(handle)
+    return False
+
+
+def in_use_since(folder: Path) -> float:
+    """When a process last took a run folder, in seconds since 1970; 0 if none ever did."""
+    try:
+        return (folder / LOCK).stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
+    """The checkpoint to resume in a run folder; None if there is no run yet.
+
+    Raises
+    ------
+    RunFolderError
+        If there is a run and not ``resume``, or it is another problem's, or has no checkpoint.
+    """
+    path = folder / CHECKPOINT
+    if not path.exists():
+        if (folder / DESIGN).exists():
+            raise RunFolderError(
+                f"{folder} holds a design but no checkpoint to resume: choose another folder"
+            )
+        return None
+    if not resume:
+        raise RunFolderError(
+            f"{folder} holds a run already: resume it (--resume) or choose another folder"
+        )
+    checkpoint = Checkpoint.load(path)
+    if checkpoint.problem != problem:
+        raise RunFolderError(
+            f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
+            f" {checkpoint.problem.elements} elements): choose another folder"
+        )
+    return checkpoint
+
+
+def read_design(text: str) -> tuple[Design, Path]:
+    """A design with the path of its file: a file, a run folder, or a stored design's name.
+
+    A stored design has no folder of its own to write to: its path is in the working directory.
+
+    Raises
+    ------
+    DesignFileError
+        If there is no such design, or it cannot be read.
+    """
+    path = Path(text)
+    if path.is_dir():
+        path = path / DESIGN
+    if path.suffix or path.parent != Path() or path.exists():
+        return Design.load(path), path
+    return gallery[text], Path(f"{text}.npz")

@@ -1,0 +1,78 @@
+"""An observer that keeps designs on the way of an evolution (Fig. 16)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ngspring.basics.errors import DesignFileError
+from ngspring.basics.files import PathLike
+from ngspring.design.snapshots import _LARGEST, Snapshots
+from ngspring.problem.spring import SpringProblem
+
+if TYPE_CHECKING:
+    from ngspring.evolution.updates import Update
+
+
+logger = logging.getLogger(__name__)
+
+
+class SnapshotRecorder:
+    """Observer for `ngspring.optimize` that keeps some designs, and always the last one.
+
+    The file is complete after every design update. In a resumed run it continues the file that is
+    there; a run that starts anew replaces it.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    updates : iterable of int, optional
+        After which design updates; 0 is the initial design. All by default.
+
+    Examples
+    --------
+    >>> recorder = SnapshotRecorder("runs/C7/snapshots.npz", (0, 10, 50))  # doctest: +SKIP
+    >>> ngspring.optimize(problem, observers=[recorder])  # doctest: +SKIP
+    """
+
+    def __init__(self, path: PathLike, updates: Iterable[int] | None = None) -> None:
+        self.path = Path(path)
+        self.updates = None if updates is None else frozenset(updates)
+        self._kept: dict[int, NDArray[np.float16]] | None = None
+
+    def __call__(self, update: Update) -> None:
+        """Take in a design update."""
+        if not update.accepted:
+            return
+        number = int(update.row["update"])
+        problem = update.design.problem
+        before = self._stored(problem) if self._kept is None else self._kept
+        kept = {k: chi for k, chi in before.items() if k < number and self._wanted(k)}
+        # Half precision ends at 65504; so deep in the void the digits do not matter.
+        chi = np.clip(update.design.coefficients, -_LARGEST, _LARGEST)
+        kept[number] = chi.astype(np.float16)
+        self._kept = kept
+        numbers = np.array(sorted(kept), dtype=np.int64)
+        Snapshots(problem, numbers, np.array([kept[k] for k in numbers])).save(self.path)
+
+    def _wanted(self, update: int) -> bool:
+        return self.updates is None or update in self.updates
+
+    def _stored(self, problem: SpringProblem) -> dict[int, NDArray[np.float16]]:
+        if not self.path.exists():
+            return {}
+        try:
+            stored = Snapshots.load(self.path)
+        except DesignFileError as error:
+            # They are for pictures only: no reason to lose a run.
+            logger.warning("%s; the snapshots begin anew", error)
+            return {}
+        if stored.problem != problem:
+            return {}
+        return dict(zip(map(int, stored.updates), stored.coefficients, strict=True))

@@ -1,0 +1,254 @@
+"""Where a run stands, read from its folder while the run goes on or after it ended.
+
+Every file of a run folder is replaced as a whole, so what is read is never half written; nothing
+is written here.
+"""
+
+from __future__ import annotations
+
+import csv
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ngspring.analysis.states import Curve, index_of
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import DesignFileError, RunFolderError
+from ngspring.basics.files import PathLike
+from ngspring.design.design import Design
+from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since
+
+RUNNING, STALE, CONVERGED = "running", "stale", "converged"
+STOPPED, FAILED = "stopped", "failed"
+RESPONSE = "response.csv"
+STATES = "design.png"
+
+#: A run that is this many seconds behind its last design update ...
+_STALE = 600.0
+#: ... and this many times the longest update before may hang.
+_LONGEST = 10.0
+#: Forces of a curve that belongs to a design agree within this share of the largest target.
+_SAME_FORCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCurve:
+    """A load-displacement curve from a file: d in mm, in increasing order, and q in N."""
+
+    d: FloatArray
+    q: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RunState:
+    """What is known of a run.
+
+    Attributes
+    ----------
+    design : Design
+        The last accepted one, with its history and the forces ``info["q"]``, if it has them.
+    status : str
+        ``"running"``, ``"stale"`` (running, but without a design update for long),
+        ``"converged"``, ``"stopped"`` or ``"failed"``.
+    reason : str
+        More about the status, in one line.
+    updated : float or None
+        When the last design update was written, or the run was resumed since, in seconds since
+        1970.
+    curve : Curve or None
+        Load-displacement curve of this design, if it has been computed.
+    states : bytes or None
+        The picture design.png of this design (PNG), if it has been drawn.
+    closing : bool
+        Whether the run has converged, but its curve and pictures are still to come.
+    """
+
+    design: Design
+    status: str
+    reason: str = ""
+    updated: float | None = None
+    curve: Curve | None = None
+    states: bytes | None = None
+    closing: bool = False
+
+    @property
+    def evolving(self) -> bool:
+        """Whether more design updates may come."""
+        return self.status in (RUNNING, STALE)
+
+    @property
+    def going_on(self) -> bool:
+        """Whether anything may come."""
+        return self.evolving or self.closing
+
+    @property
+    def forces(self) -> list[float] | None:
+        """Forces in N at the control points."""
+        return forces_of(self.design)
+
+    @property
+    def elapsed(self) -> float | None:
+        """Seconds of computing, up to now for a run that goes on."""
+        history = self.design.history
+        if history is None or not len(history):
+            return None
+        since = time.time() - self.updated if self.evolving and self.updated else 0.0
+        return history.last()["seconds"] + max(0.0, since)
+
+
+def forces_of(design: Design) -> list[float] | None:
+    """Forces in N at the control points that came with a design; None without them."""
+    q = design.info.get("q")
+    right = isinstance(q, list) and len(q) == len(design.problem.control_points)
+    return [float(value) for value in q] if right and q is not None else None
+
+
+def holds_run(folder: Path) -> bool:
+    """Whether a folder holds a checkpoint or a design."""
+    return (folder / CHECKPOINT).is_file() or (folder / DESIGN).is_file()
+
+
+def campaign_runs(folder: Path) -> list[Path]:
+    """The folders of a campaign's runs that have begun, by name."""
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_dir() and holds_run(path))
+    except OSError:
+        return []
+
+
+def read_run(folder: PathLike, ended: bool = False) -> RunState:
+    """Read where the run in a folder stands.
+
+    Parameters
+    ----------
+    folder : path
+    ended : bool
+        Known to have ended, although the folder may be in use.
+
+    Raises
+    ------
+    RunFolderError
+        If there is no such folder, or no run in it.
+    DesignFileError
+        If its checkpoint, or a design without one, cannot be read.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise RunFolderError(f"there is no run folder {folder}")
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        if (folder / DESIGN).is_file():
+            return stored_state(Design.load(folder / DESIGN), folder)
+        if in_use(folder):
+            raise RunFolderError(f"the run in {folder} has no design yet: try again in a minute")
+        raise RunFolderError(f"{folder} holds no run: neither {CHECKPOINT} nor {DESIGN} is there")
+    try:
+        # Before the file is read: what is written in between would only seem older.
+        updated = path.stat().st_mtime
+    except OSError as error:
+        raise RunFolderError(f"cannot read {path}: {error.strerror}") from error
+    # Asked for first: a run that ends in between has written everything by then.
+    held = False if ended else in_use(folder)
+    if held:
+        # A run that was resumed after a pause takes its time for the first update, too.
+        updated = max(updated, in_use_since(folder))
+    design = _design_of(Checkpoint.load(path))
+    status, reason = _status(design, folder, held, time.time() - updated)
+    curve = _curve(folder, design)
+    closing = status == CONVERGED and held is True and curve is None
+    states = None if status in (RUNNING, STALE) or closing else _states(folder)
+    return RunState(design, status, reason, updated, curve, states, closing)
+
+
+def stored_state(design: Design, folder: Path | None = None) -> RunState:
+    """The state of a finished design, with the curve and the picture of its folder, if any."""
+    status, reason = _ended(design)
+    curve = None if folder is None else _curve(folder, design)
+    return RunState(
+        design, status, reason, None, curve, None if folder is None else _states(folder)
+    )
+
+
+def _design_of(checkpoint: Checkpoint) -> Design:
+    last, problem = checkpoint.history.last(), checkpoint.problem
+    info: dict[str, object] = {"start": checkpoint.start, "converged": bool(np.isinf(last["dt"]))}
+    names = [f"q{j + 1}" for j in range(len(problem.control_points))]
+    if all(name in last for name in names):
+        info["q"] = [last[name] for name in names]
+    chi = checkpoint.state.chi.reshape(problem.coefficient_shape)
+    return Design(problem, chi, checkpoint.history, info)
+
+
+def _status(design: Design, folder: Path, held: bool | None, since: float) -> tuple[str, str]:
+    assert design.history is not None
+    if design.info["converged"]:
+        return CONVERGED, ""
+    if held is False:
+        return _ended(_with_end(design, folder))
+    seconds = design.history["seconds"]
+    longest = float(np.diff(seconds, prepend=0.0).max())
+    if since > max(_STALE, _LONGEST * longest):
+        return STALE, f"no design update for {since / 60:.0f} minutes"
+    return RUNNING, ""
+
+
+def _ended(design: Design) -> tuple[str, str]:
+    info = design.info
+    if info.get("converged") is True:
+        return CONVERGED, ""
+    if "failed" in info:
+        return FAILED, str(info["failed"])
+    return STOPPED, str(info.get("stopped", "interrupted before its end"))
+
+
+def _with_end(design: Design, folder: Path) -> Design:
+    """With the notes of design.npz, which is written at the end, if it is of this update."""
+    try:
+        written = Design.load(folder / DESIGN)
+    except DesignFileError:
+        return design
+    same = np.array_equal(written.coefficients, design.coefficients)
+    return written if same and written.problem == design.problem else design
+
+
+def _curve(folder: Path, design: Design) -> StoredCurve | None:
+    """The curve in response.csv, if it is that of this design."""
+    try:
+        with (folder / RESPONSE).open(encoding="utf-8", newline="") as file:
+            rows = [(float(row["d"]), float(row["q"])) for row in csv.DictReader(file)]
+    except (OSError, KeyError, TypeError, ValueError, csv.Error):
+        return None
+    if len(rows) < 2 or not np.isfinite(rows).all():
+        return None
+    d, q = np.array(sorted(rows)).T
+    curve = StoredCurve(d, q)
+    return curve if _fits(curve, design) else None
+
+
+def _fits(curve: Curve, design: Design) -> bool:
+    """Whether a curve goes through the forces of a design, wherever it holds a control point."""
+    forces, points = forces_of(design), design.problem.control_points
+    if forces is None:
+        return False
+    size = max(max(map(abs, forces)), 1e-12)
+    found = [
+        abs(float(curve.q[index]) - force) / size
+        for force, point in zip(forces, points, strict=True)
+        if not point.eta and (index := index_of(curve, point.d)) is not None
+    ]
+    return bool(found) and max(found) <= _SAME_FORCE
+
+
+def _states(folder: Path) -> bytes | None:
+    """The picture design.png, if it was drawn after the last design was written."""
+    picture, design = folder / STATES, folder / DESIGN
+    try:
+        if picture.stat().st_mtime_ns < design.stat().st_mtime_ns:
+            return None
+        content = picture.read_bytes()
+    except OSError:
+        return None
+    return content if content.startswith(b"\x89PNG") else None

@@ -1,0 +1,100 @@
+"""Design updates: what they have to do, and the paper's, a converged backward Euler step (2.7)."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from ngspring.evolution.steprule import Rows, StepRule
+from ngspring.kkt.elimination import Elimination
+from ngspring.kkt.newton import NewtonResult, NewtonSettings, solve_update
+from ngspring.kkt.system import CoupledSystem, State
+
+#: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
+POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """Where an evolution stands.
+
+    Attributes
+    ----------
+    state : State
+        The last accepted one.
+    previous : State
+        The one before.
+    rows : Rows
+        The history so far.
+    rejected : int
+        Attempts that were made from ``state`` without success.
+    """
+
+    state: State
+    previous: State
+    rows: Rows
+    rejected: int = 0
+
+
+class Stepper(ABC):
+    """A kind of step.
+
+    Attributes
+    ----------
+    rule : StepRule
+        When the transient term is removed (``end``) and when a run is given up (``smallest``).
+    """
+
+    rule: StepRule
+
+    @abstractmethod
+    def update(self, past: Past, dt: float) -> NewtonResult:
+        """A design update over dt (infinite: the final one)."""
+
+    @abstractmethod
+    def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
+        """Next dt after an accepted update, of which ``past`` holds the row already.
+
+        ``past.rejected`` attempts were made before it.
+        """
+
+    @abstractmethod
+    def shrunk(self, past: Past, dt: float) -> float:
+        """Next dt after ``past.rejected`` attempts, the last one with dt."""
+
+
+class BackwardEuler(Stepper):
+    """The paper's updates: each one iterated to convergence (2.7)."""
+
+    def __init__(self, system: CoupledSystem, newton: NewtonSettings, rule: StepRule) -> None:
+        self.system = system
+        self.newton = newton
+        self.rule = rule
+        self.elimination = Elimination(system)
+
+    def update(self, past: Past, dt: float) -> NewtonResult:
+        """See `Stepper`."""
+        return self.solved(past.state, dt, self.newton)
+
+    def solved(self, state: State, dt: float, newton: NewtonSettings) -> NewtonResult:
+        """A backward Euler step over dt from a state."""
+        outcome = solve_update(self.system, state, state.chi, dt, newton, self.elimination)
+        return self._polished(outcome) if outcome.converged and np.isinf(dt) else outcome
+
+    def _polished(self, outcome: NewtonResult) -> NewtonResult:
+        """The exact stationary point to rounding: two more Newton iterations, if they help."""
+        again = solve_update(self.system, outcome.state, outcome.state.chi, np.inf, POLISHING)
+        better = again if again.optimality < outcome.optimality else outcome
+        iterations = outcome.iterations + again.iterations
+        return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
+
+    def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
+        """See `Stepper`."""
+        return self.rule.grown(dt, outcome.iterations, past.rejected)
+
+    def shrunk(self, past: Past, dt: float) -> float:
+        """See `Stepper`."""
+        return dt / self.rule.shrink

@@ -1,0 +1,127 @@
+"""How the pseudo-time step of the evolution changes (2.7), and when it leaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+#: The history as `ngspring.design.history.History.rows` gives it.
+Rows = Sequence[Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """How dt changes (2.7).
+
+    Parameters
+    ----------
+    few : int
+        Fewer Newton iterations than this make dt grow.
+    growth : float
+        By this factor (the paper's 2) ...
+    easy_growth : float
+        ... and by this one after ``easy`` iterations or fewer.
+    easy : int
+        See above; 0 for the paper's rule.
+    shrink : float
+        A failed update is repeated with dt divided by this.
+    end : float
+        The transient term is removed when dt exceeds this.
+    smallest : float
+        Give up below this dt. Both in units of the paper's domain, see `time_unit`.
+    """
+
+    few: int = 6
+    growth: float = 2.0
+    easy_growth: float = 5.0
+    easy: int = 3
+    shrink: float = 4.0
+    end: float = 1e20
+    smallest: float = 1e-8
+
+    def grown(self, dt: float, iterations: int, rejected: int = 0) -> float:
+        """Next dt after an accepted update that took so many Newton iterations.
+
+        Right after ``rejected`` attempts with a larger dt there is no easy growth: the limit is
+        near.
+        """
+        if iterations <= self.easy and not rejected:
+            return dt * self.easy_growth
+        return dt * self.growth if iterations < self.few else dt
+
+
+PAPER_RULE = StepRule(easy=0)
+
+
+@dataclass(frozen=True)
+class LeapRule:
+    """How dt and the leaps (`ngspring.evolution.leaps`) change.
+
+    Updates are converged ones, dt as in `StepRule`, as long as it grows. Where it has not reached a
+    new largest value for some time, it is not raised to what failed lately, and a leap comes
+    before every second update.
+
+    Parameters
+    ----------
+    converged : StepRule
+    patience : int
+        Updates in a row without a new largest dt before leaps begin.
+    memory : int
+        For so many updates a dt that failed is not tried again.
+    first : float
+        Length of the first leap, in multiples of dt.
+    growth : float
+        By this factor the next one is longer after a leap that was good; half as long after
+        another.
+    largest : float
+        Longest leap. Where the next one would be longer, dt grows instead.
+    smallest : float
+        After a leap shorter than this failed, there is none for ``patience`` updates.
+    iterations : int
+        More Newton iterations than these after a leap are a failed one.
+    """
+
+    converged: StepRule = StepRule()
+    patience: int = 10
+    memory: int = 20
+    first: float = 2.0
+    growth: float = 1.4
+    largest: float = 10.0
+    smallest: float = 0.5
+    iterations: int = 7
+
+    def creeping(self, rows: Rows) -> bool:
+        """Whether dt has stopped growing."""
+        steps = [row["dt"] for row in rows]
+        return len(steps) - 1 - int(np.argmax(steps)) >= self.patience
+
+    def factor(self, rows: Rows) -> float:
+        """Length of the leap that is due in multiples of dt; 0 if none is."""
+        last = rows[-1]
+        if not self.creeping(rows) or not last["dt"] > 0.0 or last["leap"] != 0.0:
+            return 0.0
+        for row in rows[: -self.patience - 1 : -1]:
+            if row["leap"]:
+                tried = row["dt"] * self.converged.shrink ** failed_updates(row)
+                factor = abs(row["leap"]) / tried * (self.growth if row["leap"] > 0 else 0.5)
+                return min(factor, self.largest) if factor >= self.smallest else 0.0
+        return self.first
+
+    def held(self, rows: Rows, dt: float, grown: float) -> float:
+        """Next dt after a converged update, if ``grown`` is what its iterations allow."""
+        if not self.creeping(rows):
+            return grown
+        failed = [
+            row["dt"] * self.converged.shrink for row in rows[-self.memory :] if failed_updates(row)
+        ]
+        return grown if grown < min(failed, default=np.inf) else dt
+
+
+Rule = StepRule | LeapRule
+
+
+def failed_updates(row: Mapping[str, float]) -> int:
+    """Attempts before an update that were rejected, without a leap: that says nothing of dt."""
+    return int(row["rejected"]) - (1 if row["leap"] < 0.0 else 0)

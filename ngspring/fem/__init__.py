@@ -1,0 +1,1 @@
+"""Meshes, constrained spaces, reduction to independent unknowns, linear solvers, threads."""

@@ -1,0 +1,1 @@
+"""The coupled Newton system of design, displacements, reactions and adjoints (2.4)."""

@@ -1,0 +1,116 @@
+"""Equilibrium inside the coupled iteration: nonlinear elimination of the displacements.
+
+A coupled Newton step moves chi and u together along a straight line. Where contact is about to
+happen, or the void is about to buckle, equilibrium bends away from that line much faster than
+anything else in the system, and the plain iteration needs tiny steps. So after each step that
+leaves equilibrium badly violated, Eq. 4 alone is solved for u with the new chi (a system of a
+sixth of the size), and the adjoint displacement is made the one of that state with the multiplier
+lam_Ty of the coupled step. The next coupled step then starts from there; where the plain
+iteration converges, nothing changes, and neither does the solution.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ngspring.analysis.mechanics import Mechanics
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import ConvergenceError
+from ngspring.kkt.system import CoupledSystem, State
+from ngspring.problem.scaling import force_unit
+
+
+class Elimination:
+    """Brings the displacements of a state back into equilibrium with its chi.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    """
+
+    #: Control points whose forces are out of balance by less than this, relative to the target
+    #: force, are left as they are ...
+    THRESHOLD = 1e-3
+    #: ... and the others are balanced to this.
+    ACCURACY = 1e-6
+    MAX_ITERATIONS = 12
+    MAX_SETTLING = 40
+
+    def __init__(self, system: CoupledSystem) -> None:
+        self.system = system
+        self.iterations = 0
+        self._mechanics: Mechanics | None = None
+
+    def _body(self, chi: FloatArray, eta: float) -> Mechanics:
+        """The mechanics of a chi (dofs of the scalar space), dilated by eta."""
+        system = self.system
+        if self._mechanics is None:
+            self._mechanics = Mechanics(system.scalar, chi, eta, system.solver, system.threads)
+        self._mechanics.set_design(chi, eta)
+        return self._mechanics
+
+    def relax(self, old: State, new: State) -> State:
+        """The state ``new`` with u in equilibrium where it was far from it.
+
+        Raises
+        ------
+        ConvergenceError
+            If equilibrium cannot be found.
+        """
+        system = self.system
+        chi = system.extraction_chi @ new.chi
+        u, lam = new.u.copy(), new.lam.copy()
+        for j, point in enumerate(system.points):
+            body = self._body(chi, point.eta)
+            scale = abs(point.q) + 1e-4 * force_unit(system.problem)
+            force = body.forces(point.d, new.u[j])
+            # A NaN is an inverted element and fails this test.
+            if np.linalg.norm(force[:-1]) <= self.THRESHOLD * scale:
+                continue
+            guess, force = self._admissible(body, point.d, old.u[j], new.u[j])
+            u[j], shape = self._balance(body, point.d, guess, force, self.ACCURACY * scale)
+            lam[j, :-1] = shape * lam[j, -1]
+        return State(new.chi, u, lam)
+
+    @staticmethod
+    def _admissible(
+        body: Mechanics, d: float, old: FloatArray, new: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Displacements as far on the way from old to new as no element is inverted."""
+        force = body.forces(d, new)
+        if np.isfinite(force).all():
+            return new, force
+        for part in (0.5, 0.25, 0.1, 0.0):
+            guess = old + part * (new - old)
+            force = body.forces(d, guess)
+            if np.isfinite(force).all():
+                return guess, force
+        raise ConvergenceError("the last accepted displacements invert an element")
+
+    def _balance(
+        self, body: Mechanics, d: float, u: FloatArray, force: FloatArray, accuracy: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Newton's method with backtracking; also returns du/dd of the last tangent.
+
+        Where it fails the branch of equilibria has ended, and the spring settles elsewhere.
+        """
+        start = u
+        for _ in range(self.MAX_ITERATIONS):
+            self.iterations += 1
+            column, _ = body.assemble(d, u)
+            update = body.solve_linear(-force[:-1])
+            norm = np.linalg.norm(force[:-1])
+            step = 1.0
+            while True:
+                trial = u + step * update
+                trial_force = body.forces(d, trial)
+                trial_norm = np.linalg.norm(trial_force[:-1])
+                if np.isfinite(trial_force).all() and trial_norm <= max(10 * norm, accuracy):
+                    break
+                step /= 2
+                if step < 1e-3:
+                    return body.settle(d, start, accuracy, self.MAX_SETTLING)
+            u, force = trial, trial_force
+            if trial_norm <= accuracy:
+                return u, -body.solve_linear(column)
+        return body.settle(d, start, accuracy, self.MAX_SETTLING)

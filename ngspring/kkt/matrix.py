@@ -1,0 +1,198 @@
+"""From NGSolve's stored values to one triangle of the coupled Newton matrix.
+
+All patterns and index maps of a mesh, built once: an iteration only multiplies with them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ngspring.basics.arrays import FloatArray, IntArray
+from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern, scatter_map
+from ngspring.physics.lagrangian import ControlPointForm, DesignForm
+from ngspring.physics.void import VoidBlocks
+
+
+class BlockMaps:
+    """Patterns and index maps of the blocks of one control point, and of the whole.
+
+    Parameters
+    ----------
+    form, design : ControlPointForm, DesignForm
+        Assembled at least once, so that their patterns exist.
+    extraction_chi, extraction_u : sparse matrices
+        Dofs <- unknowns; the last column of the second one is u_Ty.
+    points : int
+        Number of control points.
+    upper : bool
+        Which triangle the linear solver wants.
+
+    Attributes
+    ----------
+    triangle : scipy.sparse.csr_matrix
+        Pattern of that triangle. Its values are those of the Newton matrix once it has been
+        replaced by the factorisation's own.
+    place : array
+        Where in ``triangle.data`` each value goes, block after block.
+    """
+
+    def __init__(
+        self,
+        form: ControlPointForm,
+        design: DesignForm,
+        extraction_chi: sp.csr_matrix,
+        extraction_u: sp.csr_matrix,
+        points: int,
+        upper: bool,
+    ) -> None:
+        chi, u = extraction_chi, extraction_u
+        n = chi.shape[0]
+        free = u.shape[1] - 1
+        inner_u = u[:, :free].tocsr()
+        rows, columns = csr_pattern(form.form)
+        block_row = np.searchsorted([n, 3 * n], rows, side="right").astype(np.int8)
+        block_column = np.searchsorted([n, 3 * n], columns, side="right").astype(np.int8)
+        table = form.void.table.dofs
+        void_rows, void_columns = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        both_rows = np.concatenate([void_rows, void_rows + n])
+        both_columns = np.concatenate([void_columns, void_columns + n])
+        chi_rows = np.concatenate([void_rows, void_rows])
+
+        self._entries: dict[str, IntArray] = {}
+        self._maps: dict[str, sp.csr_matrix] = {}
+        self._void_maps: dict[str, sp.csr_matrix] = {}
+        patterns: dict[str, Pattern] = {}
+        first = (0, n, 3 * n)
+
+        def add(
+            name: str,
+            blocks: tuple[int, int],
+            left: sp.csr_matrix,
+            right: sp.csr_matrix,
+            void_entries: tuple[IntArray, IntArray] | None,
+        ) -> None:
+            entries = np.flatnonzero((block_row == blocks[0]) & (block_column == blocks[1]))
+            r = rows[entries] - first[blocks[0]]
+            c = columns[entries] - first[blocks[1]]
+            pattern = product_pattern(r, c, left, right)
+            if name == "chi_chi":
+                # Symmetric, and the largest map by far: half of it is enough.
+                pattern = pattern.lower
+            patterns[name] = pattern
+            self._entries[name] = entries.astype(np.int32)
+            self._maps[name] = product_map(r, c, left, right, pattern)
+            if void_entries is not None:
+                self._void_maps[name] = scatter_map(r, c, right.shape[0], *void_entries)
+
+        add("chi_chi", (0, 0), chi, chi, (void_rows, void_columns))
+        add("chi_u", (0, 1), chi, inner_u, (chi_rows, both_columns))
+        add("chi_lam", (0, 2), chi, u, (chi_rows, both_columns))
+        add("u_lam", (1, 2), u, u, (both_rows, both_columns))
+        # The u-u block has the pattern of the u-lam block, and goes through the same map.
+        entries = np.flatnonzero((block_row == 1) & (block_column == 1))
+        like = self._entries["u_lam"]
+        if not (
+            np.array_equal(rows[entries], rows[like])
+            and np.array_equal(columns[entries], columns[like] - 2 * n)
+        ):
+            raise AssertionError("the stored patterns of u-u and u-lam differ")
+        self._entries["u_u"] = entries.astype(np.int32)
+
+        # The forms of C_chi live on the same pattern as the chi-chi block.
+        chi_entries = self._entries["chi_chi"]
+        for form_of_chi in (design.nonlinear, design.transient, design.terms["curvature"]):
+            r, c = csr_pattern(form_of_chi)
+            if not (
+                np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
+            ):
+                raise AssertionError("the patterns of the forms of chi differ")
+        reduction = self._maps["chi_chi"]
+        self._transient = reduction @ design.transient.mat.AsVector().FV().NumPy()
+        self._curvature = reduction @ design.terms["curvature"].mat.AsVector().FV().NumPy()
+        self._arrange(patterns, chi.shape[1], free, points, upper)
+
+    def _arrange(
+        self, patterns: dict[str, Pattern], nc: int, free: int, points: int, upper: bool
+    ) -> None:
+        """Where each block's values go in a triangle of the whole."""
+        top_column = patterns["chi_lam"].columns == free
+        self.chi_top = _places(top_column)
+        chi_inner = _places(~top_column)
+        chi_u, chi_lam = patterns["chi_u"], patterns["chi_lam"]
+        if not (
+            np.array_equal(chi_lam.rows[chi_inner], chi_u.rows)
+            and np.array_equal(chi_lam.columns[chi_inner], chi_u.columns)
+        ):
+            raise AssertionError("the patterns of u and lam differ")
+        self.chi_inner = chi_inner
+        ul = patterns["u_lam"]
+        self.inner = _places((ul.rows < free) & (ul.columns < free))
+        uu_rows, uu_columns = ul.rows[self.inner], ul.columns[self.inner]
+        self.inner_lower = _places(uu_columns <= uu_rows)
+        self.top = _places((ul.rows == free) & (ul.columns < free))
+        cc = patterns["chi_chi"]
+        self.chi_diagonal = _places(cc.columns == cc.rows)
+
+        # The lower triangle; its transpose has the same values.
+        rows, columns = [cc.rows], [cc.columns]
+        for j in range(points):
+            a = nc + j * (2 * free + 1)
+            b, top = a + free, a + 2 * free
+            lower = self.inner_lower
+            top_only = np.full(len(self.top), top)
+            rows += [chi_u.columns + a, chi_u.columns + b, uu_rows[lower] + a, uu_rows + b]
+            columns += [chi_u.rows, chi_u.rows, uu_columns[lower] + a, uu_columns + a]
+            rows += [uu_rows[lower] + b, np.full(len(self.chi_top), top), top_only, top_only]
+            columns += [uu_columns[lower] + b, chi_lam.rows[self.chi_top]]
+            columns += [ul.columns[self.top] + a, ul.columns[self.top] + b]
+            rows.append(np.array([top]))
+            columns.append(np.array([top]))
+        size = nc + points * (2 * free + 1)
+        row, column = np.concatenate(rows), np.concatenate(columns)
+        if upper:
+            row, column = column, row
+        keys = row.astype(np.int64) * size + column
+        order = np.argsort(keys, kind="stable")
+        self.place = np.empty(len(order), np.int32)
+        self.place[order] = np.arange(len(order), dtype=np.int32)
+        self.triangle = Pattern(keys[order], (size, size)).matrix(np.ones(len(keys)))
+        self._diagonal = self.triangle.indptr[:-1] if upper else self.triangle.indptr[1:] - 1
+        if not np.array_equal(self.triangle.indices[self._diagonal], np.arange(size)):
+            raise AssertionError("the Newton matrix lacks a diagonal entry")
+
+    def diagonal(self) -> FloatArray:
+        """Diagonal of the assembled matrix."""
+        return np.asarray(self.triangle.data[self._diagonal])
+
+    def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
+        """Second derivative of C_chi on the lower triangle's chi-chi pattern."""
+        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._curvature
+        return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
+
+    def block(self, name: str, values: FloatArray, void: VoidBlocks) -> FloatArray:
+        """A block of one control point on the independent unknowns.
+
+        Parameters
+        ----------
+        name : {"chi_chi", "chi_u", "chi_lam", "u_u", "u_lam"}
+        values : array
+            Stored values of the control point's form.
+        void : VoidBlocks
+        """
+        if name == "u_u":
+            b = self._maps["u_lam"] @ values[self._entries["u_u"]]
+            return np.asarray(b[self.inner])
+        stored = values[self._entries[name]]
+        if name == "u_lam":
+            stiffness = void.stiffness.ravel()
+            element = np.concatenate([stiffness, stiffness])
+        else:
+            element = getattr(void, name).ravel()
+        stored += self._void_maps[name] @ element
+        return np.asarray(self._maps[name] @ stored)
+
+
+def _places(where: NDArray[np.bool_]) -> NDArray[np.int32]:
+    return np.flatnonzero(where).astype(np.int32)

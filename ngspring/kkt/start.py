@@ -1,0 +1,90 @@
+"""Where an evolution starts: a design, with its equilibria and adjoint states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ngspring.analysis.mechanics import Equilibrium, Mechanics
+from ngspring.analysis.path import follow
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import ConvergenceError, ProblemError
+from ngspring.design.design import Design
+from ngspring.fem.memory import end_setup
+from ngspring.kkt.system import CoupledSystem, State
+from ngspring.problem.spring import SpringProblem
+
+Start = Design | Callable[[FloatArray, FloatArray], Any]
+
+
+def start_design(problem: SpringProblem, initial: Start | None) -> Design:
+    """The design to start from: `Design.column` by default."""
+    if initial is None:
+        return Design.column(problem)
+    if isinstance(initial, Design):
+        return initial.with_problem(problem)
+    if callable(initial):
+        return Design.from_function(problem, initial)
+    raise ProblemError(f"initial = {initial!r} is neither a Design nor a function f(x, y)")
+
+
+#: Largest step on the way to the control points, in units of H.
+LARGEST_STEP = 1 / 40
+
+
+def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics], list[Equilibrium]]:
+    """Forward solution at every control point from the undeformed state (chi: coefficients).
+
+    The path is followed in small steps: with a large one Newton's iteration may land on another
+    branch than the one the spring takes (straight walls may buckle inwards as well as outwards).
+
+    Raises
+    ------
+    ConvergenceError
+        If a load path ends before its control point.
+    """
+    full = system.extraction_chi @ chi
+    mechanics: dict[float, Mechanics] = {}
+    reached: dict[tuple[float, float], Equilibrium] = {}
+    for eta in dict.fromkeys(point.eta for point in system.points):
+        body = Mechanics(system.scalar, full, eta, system.solver, system.threads)
+        mechanics[eta] = body
+        for sign in (1.0, -1.0):
+            targets = sorted(
+                {p.d for p in system.points if p.eta == eta and p.d * sign > 0}, key=abs
+            )
+            if not targets:
+                continue
+            count = math.ceil(abs(targets[-1]) / (LARGEST_STEP * system.problem.H))
+            between = np.linspace(0.0, targets[-1], count + 1)[1:]
+            path, message = follow(body, np.array(sorted({*targets, *between}, key=abs)))
+            if message:
+                raise ConvergenceError(message)
+            for equilibrium in path:
+                if equilibrium.d in targets:
+                    reached[eta, equilibrium.d] = body.refined(equilibrium)
+    bodies = [mechanics[point.eta] for point in system.points]
+    return bodies, [reached[point.eta, point.d] for point in system.points]
+
+
+def initial_state(system: CoupledSystem, design: Design) -> State:
+    """Equilibrium (Eq. 4) and adjoint (Eq. 7) states of a design.
+
+    Raises
+    ------
+    ConvergenceError
+        If a load path ends before its control point.
+    """
+    chi = design.coefficients.ravel()
+    bodies, points = equilibria(system, chi)
+    lam = [
+        body.adjoint(equilibrium, control.weight * (equilibrium.q - control.q))
+        for body, equilibrium, control in zip(bodies, points, system.points, strict=True)
+    ]
+    state = State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
+    del bodies, points
+    end_setup()
+    return state

@@ -1,0 +1,86 @@
+"""Is a stored design a stationary point? Answered from its chi alone (Eqs. 4, 7, 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.design.design import Design
+from ngspring.fem.process import parallel
+from ngspring.kkt.start import initial_state
+from ngspring.kkt.system import CoupledSystem, Residual, State
+
+
+@dataclass(frozen=True, eq=False)
+class Optimality:
+    """Outcome of `optimality`.
+
+    Attributes
+    ----------
+    residual : float
+        Norm of Eq. 8's residual at dt = infinity relative to the norm of its terms (the square
+        root of the sum of their squared norms).
+    terms : dict
+        Norm of each term: volume, interface, curvature, and one per control point.
+    q, targets : arrays
+        Reaction forces and target forces at the control points in N.
+    deviation : array
+        ``|q - q_*| / |q_*|``.
+    """
+
+    residual: float
+    terms: dict[str, float]
+    q: FloatArray
+    targets: FloatArray
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Relative deviation of each reaction force from its target."""
+        return np.abs(self.q - self.targets) / np.maximum(np.abs(self.targets), 1e-300)
+
+
+def _relative(residual: Residual) -> float:
+    size = float(np.sqrt(sum(norm**2 for norm in residual.chi_terms.values())))
+    return float(np.linalg.norm(residual.chi)) / size if size > 0 else 0.0
+
+
+def relative_optimality(system: CoupledSystem, state: State) -> float:
+    """Norm of Eq. 8's residual without transient term, relative to its terms."""
+    return _relative(system.residual(state, state.chi, np.inf))
+
+
+def optimality(
+    design: Design, *, domain: str | None = None, threads: int | None = None, solver: str = "auto"
+) -> Optimality:
+    """Re-assemble everything for a stored design and return Eq. 8's residual.
+
+    Mechanics are solved from the undeformed state and adjoints from their equations; nothing but
+    chi and the problem is taken from the file.
+
+    Parameters
+    ----------
+    design : Design
+    domain : {"quarter", "full"}, optional
+        Overrides the problem's.
+    threads, solver
+        See `ngspring.optimize`.
+
+    Raises
+    ------
+    ConvergenceError
+        If a control point cannot be reached from the undeformed state.
+    """
+    problem = design.problem if domain is None else design.problem.replace(domain=domain)
+    with parallel(threads) as count:
+        system = CoupledSystem(problem, solver, count)
+        state = initial_state(system, design)
+        residual = system.residual(state, state.chi, np.inf)
+    targets = np.array([point.q for point in problem.control_points])
+    return Optimality(
+        residual=_relative(residual),
+        terms=residual.chi_terms,
+        q=state.forces(problem),
+        targets=targets,
+    )

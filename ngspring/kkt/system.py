@@ -1,0 +1,367 @@
+"""The coupled Newton system of Eqs. 4, 7 and 8 on the independent unknowns.
+
+Unknowns are the spline coefficients of chi, and for each control point the free displacements u
+and multipliers lam (with lam_Ty last, which stands for q, see `State`). Each control point couples
+to chi only, so the matrix is arrow-shaped. With ``u = a + b``, ``lam = s (a - b)`` the blocks of
+a control point, ``[[B, K], [K, 0]]``, become ``[[B + 2 s K, B], [B, B - 2 s K]]``: definite on
+either side while K is, so that a symmetric factorisation needs no pivoting (design notes, 5).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.fem.constraints import displacement_extraction, spline_extraction
+from ngspring.fem.grid import Grid, ScalarSpace
+from ngspring.fem.linear import Factorization, make_factorization, multiply, wants_upper
+from ngspring.fem.memory import begin_setup, end_setup
+from ngspring.kkt.matrix import BlockMaps
+from ngspring.physics.lagrangian import ControlPointForm, DesignForm
+from ngspring.problem.scaling import force_unit, length_unit
+from ngspring.problem.spring import SpringProblem
+
+
+class LinearSolveError(ArithmeticError):
+    """A linear system could not be solved to a usable accuracy; the Newton step has failed."""
+
+
+@dataclass
+class State:
+    """All unknowns of the coupled system.
+
+    Attributes
+    ----------
+    chi : array (coefficients,)
+        Spline coefficients, flattened.
+    u : array (control points, free)
+        Free displacements in mm.
+    lam : array (control points, free + 1)
+        Adjoint displacements in N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
+    """
+
+    chi: FloatArray
+    u: FloatArray
+    lam: FloatArray
+
+    def moved(self, update: State) -> State:
+        """The state after a Newton update."""
+        return State(self.chi + update.chi, self.u + update.u, self.lam + update.lam)
+
+    def forces(self, problem: SpringProblem) -> FloatArray:
+        """Reaction forces q_j in N."""
+        points = problem.control_points
+        target = np.array([point.q for point in points])
+        return np.asarray(target + self.lam[:, -1] / [point.weight for point in points])
+
+
+@dataclass
+class Residual:
+    """Left-hand sides of Eq. 8 (chi), Eq. 7 (adjoint, u) and Eq. 4 (equilibrium, lam).
+
+    ``chi_terms`` holds the norms of the terms that make up ``chi``: what it is small against.
+    """
+
+    chi: FloatArray
+    u: FloatArray
+    lam: FloatArray
+    chi_terms: dict[str, float]
+
+    @property
+    def finite(self) -> bool:
+        """Whether no entry is NaN or infinite (an inverted element gives NaN)."""
+        return all(bool(np.isfinite(a).all()) for a in (self.chi, self.u, self.lam))
+
+
+@dataclass
+class Timings:
+    """Seconds spent, summed over all calls since it was made."""
+
+    assembly: float = 0.0
+    reduction: float = 0.0
+    factorisation: float = 0.0
+    solve: float = 0.0
+    residual: float = 0.0
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, start: float) -> float:
+        """Add the time since ``start`` to a part and return the present time."""
+        now = time.perf_counter()
+        setattr(self, name, getattr(self, name) + now - start)
+        self.counts[name] = self.counts.get(name, 0) + 1
+        return now
+
+
+class CoupledSystem:
+    """Residual, exact tangent and solution of the coupled system.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    solver : str
+        Linear solver, see `ngspring.fem.linear.make_factorization`.
+    threads : int
+        Threads of the factorisation; NGSolve's own are set by `ngspring.fem.process.parallel`.
+    """
+
+    def __init__(self, problem: SpringProblem, solver: str = "auto", threads: int = 1) -> None:
+        self.problem = problem
+        self.solver = solver
+        self.threads = threads
+        self.grid = Grid(problem)
+        self.scalar = ScalarSpace(self.grid)
+        self.extraction_chi = spline_extraction(self.scalar)
+        self.displacement = displacement_extraction(self.scalar)
+        self.extraction_u = self.displacement.matrix
+        self._transposed_chi = self.extraction_chi.T.tocsr()
+        self._transposed_u = self.extraction_u.T.tocsr()
+        self.control_point = ControlPointForm(self.scalar)
+        self.design = DesignForm(self.scalar)
+        self.timings = Timings()
+        self.coefficients = self.extraction_chi.shape[1]
+        self.free = self.extraction_u.shape[1] - 1
+        self.points = problem.control_points
+        self._weights = np.array([point.weight for point in self.points])
+        self._targets = np.array([point.q for point in self.points])
+        self._chi_unit = 1.0
+        self._scale = 1.0
+        # What makes s the same in all units: u is a length, lam an inverse force.
+        self._length_unit = length_unit(problem)
+        self._lam_unit = 1 / force_unit(problem)
+        self._maps: BlockMaps | None = None
+        self._factorization: Factorization | None = None
+
+    # -- vectors ---------------------------------------------------------------------------------
+
+    def control_point_vector(self, state: State, j: int) -> FloatArray:
+        """Dofs of the compound space (chi, u_j, lam_j)."""
+        u = np.append(state.u[j], self.points[j].d)
+        return np.concatenate(
+            [
+                self.extraction_chi @ state.chi,
+                self.extraction_u @ u,
+                self.extraction_u @ state.lam[j],
+            ]
+        )
+
+    def residual(self, state: State, chi_old: FloatArray, dt: float) -> Residual:
+        """Eqs. 8, 7 and 4 at a state; ``dt = inf`` leaves the transient term out."""
+        start = time.perf_counter()
+        n = self.scalar.ndof
+        terms: dict[str, FloatArray] = {}
+        with np.errstate(all="ignore"):
+            full = self.extraction_chi @ state.chi
+            for name in self.design.terms:
+                terms[name] = self._transposed_chi @ self.design.gradient(full, name)
+            if np.isfinite(dt):
+                change = self.extraction_chi @ (state.chi - chi_old)
+                terms["transient"] = (
+                    self._transposed_chi @ (self.design.transient_matrix @ change)
+                ) / dt
+            u = np.empty_like(state.u)
+            lam = np.empty_like(state.lam)
+            for j, point in enumerate(self.points):
+                vector = self.control_point_vector(state, j)
+                result = self.control_point.residual(vector, point.eta)
+                terms[f"control point {j}"] = self._transposed_chi @ result[:n]
+                u[j] = (self._transposed_u @ result[n : 3 * n])[:-1]
+                lam[j] = self._transposed_u @ result[3 * n :]
+            lam[:, -1] -= self._targets + state.lam[:, -1] / self._weights
+        chi = sum(terms.values(), np.zeros(self.coefficients))
+        norms = {name: float(np.linalg.norm(term)) for name, term in terms.items()}
+        self.timings.add("residual", start)
+        return Residual(chi, u, lam, norms)
+
+    def terms(self, state: State) -> dict[str, float]:
+        """Objective C with its terms (no transient one), each C_q, each q, and the volume V."""
+        values = self.design.values(self.extraction_chi @ state.chi)
+        forces = state.forces(self.problem)
+        each = self._weights / 2 * (forces - self._targets) ** 2
+        for j, value in enumerate(each):
+            values[f"C_q{j + 1}"] = float(value)
+        for j, force in enumerate(forces):
+            values[f"q{j + 1}"] = float(force)
+        design = values["volume"] + values["interface"] + values["curvature"]
+        values["C"] = float(each.sum()) + design
+        return values
+
+    # -- matrix ----------------------------------------------------------------------------------
+
+    def assemble(self, state: State, dt: float) -> None:
+        """Assemble the Newton matrix at a state and factorise it.
+
+        Raises
+        ------
+        LinearSolveError
+            If an entry is not finite, or the factorisation breaks down.
+        """
+        maps = self._maps
+        if maps is None:
+            begin_setup()
+            maps = self._maps = self._build_maps(state)
+            end_setup()
+        if self._factorization is None:
+            self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
+            maps.triangle = self._factorization.matrix
+        start = time.perf_counter()
+        # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
+        # chi and digits are lost (s = 1 costs seven of them near the optimum).
+        unit = self._lam_unit
+        s = float(np.clip(np.abs(state.lam).max() / unit, 1e-8, 1.0)) * unit / self._length_unit
+        self._scale = s
+        chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
+        values = maps.triangle.data
+        place = maps.place
+        filled = len(chi_chi)
+
+        def put(piece: FloatArray) -> None:
+            nonlocal filled
+            values[place[filled : filled + len(piece)]] = piece
+            filled += len(piece)
+
+        # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
+        diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
+        t = self._chi_unit = float(1 / np.sqrt(diagonal)) if 0 < diagonal < np.inf else 1.0
+        for j, point in enumerate(self.points):
+            vector = self.control_point_vector(state, j)
+            stored, void = self.control_point.tangent(vector, point.eta)
+            start = self.timings.add("assembly", start)
+            # One after the other, so that little is held at a time.
+            chi_chi += maps.block("chi_chi", stored, void)
+            chi_u, chi_lam = maps.block("chi_u", stored, void), maps.block("chi_lam", stored, void)
+            chi_top = t * chi_lam[maps.chi_top]
+            chi_u *= t
+            chi_lam = (t * s) * chi_lam[maps.chi_inner]
+            put(chi_u + chi_lam)
+            put(chi_u - chi_lam)
+            del chi_u, chi_lam
+            bb, kk = maps.block("u_u", stored, void), maps.block("u_lam", stored, void)
+            bb_lower = bb[maps.inner_lower]
+            kk_lower = (2 * s) * kk[maps.inner][maps.inner_lower]
+            put(bb_lower + kk_lower)
+            put(bb)
+            put(bb_lower - kk_lower)
+            put(chi_top)
+            put(kk[maps.top])
+            put(kk[maps.top])
+            del bb, kk, bb_lower, kk_lower
+            put(np.array([-1.0 / point.weight]))
+            start = self.timings.add("reduction", start)
+        values[place[: len(chi_chi)]] = t**2 * chi_chi
+        if not np.isfinite(values).all():
+            raise LinearSolveError("the Newton matrix has entries that are not finite")
+        start = self.timings.add("reduction", start)
+        try:
+            self._factorization.factorize()
+        except Exception as error:
+            raise LinearSolveError(f"the factorisation failed: {error}") from error
+        self.timings.add("factorisation", start)
+
+    def _build_maps(self, state: State) -> BlockMaps:
+        vector = self.control_point_vector(state, 0)
+        self.control_point.tangent(vector, 0.0)
+        self.design.tangent_nonlinear(vector[: self.scalar.ndof])
+        return BlockMaps(
+            self.control_point,
+            self.design,
+            self.extraction_chi,
+            self.extraction_u,
+            len(self.points),
+            wants_upper(self.solver),
+        )
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the coupled system."""
+        return int(self.coefficients + len(self.points) * (2 * self.free + 1))
+
+    @property
+    def nonzeros(self) -> int:
+        """Stored entries of one triangle."""
+        return 0 if self._maps is None else int(self._maps.triangle.nnz)
+
+    @property
+    def negative_eigenvalues(self) -> int | None:
+        """Of the last factorised matrix; a saddle of the right kind has free + 1 per point."""
+        return None if self._factorization is None else self._factorization.negative_eigenvalues
+
+    @property
+    def eigenvalues_of_a_minimum(self) -> int:
+        """Negative eigenvalues of the Newton matrix where C(chi) is convex."""
+        return int(len(self.points) * (self.free + 1))
+
+    # -- solution --------------------------------------------------------------------------------
+
+    def _multiply(self, x: FloatArray) -> FloatArray:
+        assert self._maps is not None
+        return multiply(self._maps.triangle, x)
+
+    def _pack(self, residual: Residual) -> FloatArray:
+        s = self._scale
+        parts = [self._chi_unit * residual.chi]
+        for u, lam in zip(residual.u, residual.lam, strict=True):
+            parts += [u + s * lam[:-1], u - s * lam[:-1], lam[-1:]]
+        return np.concatenate(parts)
+
+    def _unpack(self, x: FloatArray) -> State:
+        s, n, nc = self._scale, self.free, self.coefficients
+        blocks = x[nc:].reshape(len(self.points), 2 * n + 1)
+        a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
+        return State(self._chi_unit * x[:nc], a + b, np.hstack([s * (a - b), top]))
+
+    def _block_norms(self, packed: FloatArray) -> FloatArray:
+        n, nc, s = self.free, self.coefficients, self._scale
+        blocks = packed[nc:].reshape(len(self.points), 2 * n + 1)
+        plus, minus = blocks[:, :n], blocks[:, n : 2 * n]
+        adjoint, equilibrium = (plus + minus) / 2, (plus - minus) / (2 * s)
+        return np.concatenate(
+            [
+                [np.linalg.norm(packed[:nc])],
+                np.linalg.norm(adjoint, axis=1),
+                np.linalg.norm(np.hstack([equilibrium, blocks[:, 2 * n :]]), axis=1),
+            ]
+        )
+
+    def solve(self, residual: Residual) -> State:
+        """Newton update ``-matrix^-1 residual``, refined until every block is solved.
+
+        The chi rows are about 1e-8 of the mechanical ones, so the linear residual is judged block
+        by block (chi, and for each control point adjoint and equilibrium): against the block of
+        the right-hand side, or where that is itself mere rounding, against the block of
+        ``|diagonal| |solution|``.
+
+        Raises
+        ------
+        LinearSolveError
+            If a block cannot be solved to 1e-6 of one or 1e-3 of the other.
+        """
+        start = time.perf_counter()
+        assert self._factorization is not None
+        assert self._maps is not None
+        rhs = -self._pack(residual)
+        given = self._block_norms(rhs)
+        x = self._factorization.solve(rhs)
+        size = self._block_norms(self._maps.diagonal() * x)
+        fine = np.maximum(1e-9 * given, 1e-14 * size)
+        coarse = np.maximum(1e-3 * given, 1e-6 * size)
+        remaining = rhs - self._multiply(x)
+        error = self._block_norms(remaining)
+        for _ in range(4):
+            if not np.isfinite(error).all() or (error <= fine).all():
+                break
+            trial = x + self._factorization.solve(remaining)
+            trial_remaining = rhs - self._multiply(trial)
+            trial_error = self._block_norms(trial_remaining)
+            if not (trial_error / fine).max() < 0.5 * (error / fine).max():
+                break
+            x, remaining, error = trial, trial_remaining, trial_error
+        self.timings.add("solve", start)
+        if not np.isfinite(error).all():
+            raise LinearSolveError("the linear solution is not finite")
+        self.linear_error = float((error / np.maximum(size, 1e-300)).max())
+        if (error > coarse).any():
+            raise LinearSolveError(f"linear residual {self.linear_error:.1e} of its terms")
+        return self._unpack(x)

@@ -1,0 +1,1 @@
+"""What is to be designed: target load path, material, size, mesh and weights."""

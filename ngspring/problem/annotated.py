@@ -1,0 +1,91 @@
+"""A problem as a TOML file to read and to edit: every number with what it means."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.material import young_and_poisson
+from ngspring.problem.scaling import REFERENCE_STIFFNESS
+from ngspring.problem.spring import SpringProblem
+
+_WIDTH = 29
+
+
+def _line(key: str, value: float | int | str, comment: str) -> str:
+    # A JSON string is a TOML string.
+    text = json.dumps(value) if isinstance(value, str) else f"{value:.7g}"
+    return f"{f'{key} = {text}':<{_WIDTH}}  # {comment}"
+
+
+def _stiffness(E: float, described: Mapping[str, object]) -> list[str]:
+    """The stiffness as it was described."""
+    lines = []
+    hardness, material = described.get("shore_A"), described.get("material")
+    if isinstance(material, str):
+        typical = f"of typical hardness: E = {E:.4g} MPa; see ngspring materials"
+        comment = typical if hardness is None else "only a name: shore_A decides"
+        lines.append(_line("material", material, comment))
+    if isinstance(hardness, float):
+        lines.append(_line("shore_A", hardness, f"hardness: E = {E:.4g} MPa by Gent's relation"))
+    return lines or [_line("E", E, "Young's modulus (or shore_A, or material, in its place)")]
+
+
+def annotated_toml(
+    problem: SpringProblem, source: str, described: Mapping[str, object] | None = None
+) -> str:
+    """The problem as TOML with comments; values are rounded to seven digits.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+        Weights of points other than the largest are written with their point. The numerical
+        parameters E_0, k_r, p and n are left out where they have their defaults.
+    source : str
+        Where the targets come from.
+    described : mapping, optional
+        How the stiffness was described: ``shore_A`` or ``material`` in it are written instead of E
+        (see `ngspring.problem.material.moduli_from`); other keys are ignored.
+    """
+    E, nu = young_and_poisson(problem.K, problem.G)
+    other = next(name for name in KINEMATICS if name != problem.kinematics)
+    w_q = max(point.weight for point in problem.control_points)
+    lines = [
+        f"# Targets from {' '.join(source.split())}. Lengths in mm, forces in N, stress in MPa;"
+        " tension is positive.",
+        "",
+        _line("name", problem.name, "of the run folder and in titles"),
+        _line("kinematics", problem.kinematics, f'or "{other}"'),
+        _line("elements", problem.elements, "N of the N x N mesh over L x H; even"),
+        "",
+        _line("L", problem.L, problem.motion.across),
+        _line("H", problem.H, "height along the load"),
+    ]
+    if problem.motion.thick:
+        lines.append(_line("T", problem.T, "out-of-plane thickness"))
+    lines += [
+        "",
+        *_stiffness(E, described or {}),
+        _line("nu", nu, "Poisson's ratio"),
+        "",
+        "# The weights of the paper's springs, scaled to this size and these forces.",
+        _line("l_i", problem.l_i, "interface width: 4/5 of an element or more"),
+        _line("l_t", problem.l_t, "length scale of the evolution"),
+        _line("k_rho", problem.k_rho, "weight of the volume in mm^-3"),
+        _line("k_i", problem.k_i, "weight of the interface width"),
+        _line("k_H", problem.k_H, "weight of the curvature of chi"),
+        _line("w_q", w_q, f"weight of a target in N^-2: ({REFERENCE_STIFFNESS:g} N / (q H/d))^2"),
+    ]
+    defaults = SpringProblem.__dataclass_fields__
+    for key in ("E_0", "k_r", "p", "n"):
+        value = getattr(problem, key)
+        if value != defaults[key].default:
+            lines.append(_line(key, value, "not the paper's"))
+    for point in problem.control_points:
+        lines += ["", "[[control_points]]", f"d = {point.d:.7g}", f"q = {point.q:.7g}"]
+        if point.weight != w_q:
+            lines.append(f"weight = {point.weight:.7g}")
+        if point.eta:
+            lines.append(_line("eta", point.eta, "the design dilated by l_i eta / 8"))
+    return "\n".join(lines) + "\n"

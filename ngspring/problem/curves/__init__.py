@@ -1,0 +1,1 @@
+"""Measured and drawn curves: from files to control points."""

@@ -1,0 +1,99 @@
+"""A target curve drawn in any vector graphics program.
+
+The drawing has one open path (or polyline, or line): the curve. The axes are the edges of its only
+rectangle if it has one, else of the page; what they stand for is given as ranges of d and q.
+Needs `svgelements` (the extra ``svg``).
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import ProblemError
+
+#: Points on each segment (a line, an arc, a cubic) of the path.
+_PER_SEGMENT = 64
+
+
+def parse_drawing(
+    text: str, d_range: tuple[float, float], q_range: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Displacements in mm and forces in N along the curve of an SVG drawing.
+
+    Parameters
+    ----------
+    text : str
+        Content of the SVG file.
+    d_range, q_range : pair of float
+        What the left and right, and the lower and upper, edges of the axes stand for.
+
+    Raises
+    ------
+    ProblemError
+        If svgelements is not installed, the text is no SVG, or has not exactly one curve.
+    """
+    for name, (low, high) in (("d", d_range), ("q", q_range)):
+        if not low < high:
+            raise ProblemError(f"the range of {name}, {low:g} to {high:g}, must increase")
+    try:
+        import svgelements
+    except ImportError:
+        raise ProblemError("a drawn curve needs svgelements: pip install 'ngspring[svg]'") from None
+    try:
+        drawing = svgelements.SVG.parse(io.StringIO(text))
+        shapes = list(drawing.elements())
+    except Exception as error:
+        # The XML parser and svgelements raise many kinds of errors.
+        raise ProblemError(f"not a valid SVG drawing: {error}") from error
+    frames = [shape for shape in shapes if isinstance(shape, svgelements.Rect)]
+    kinds = (svgelements.Path, svgelements.Polyline, svgelements.SimpleLine)
+    curves = [shape for shape in shapes if isinstance(shape, kinds)]
+    if len(curves) != 1 or len(frames) > 1:
+        raise ProblemError(
+            f"the drawing has {len(curves)} paths and {len(frames)} rectangles: it must have one"
+            " path, the curve, and at most one rectangle, the axes"
+        )
+    left, top, right, bottom = _edges(svgelements, drawing, frames)
+    if not (left < right and top < bottom):
+        raise ProblemError("the drawing has no page size: draw a rectangle around the axes")
+    points = _sampled(svgelements.Path(curves[0]))
+    x = (points[:, 0] - left) / (right - left)
+    y = (bottom - points[:, 1]) / (bottom - top)
+    return (
+        np.asarray(d_range[0] + x * (d_range[1] - d_range[0])),
+        np.asarray(q_range[0] + y * (q_range[1] - q_range[0])),
+    )
+
+
+def _edges(svgelements: Any, drawing: Any, frames: list[Any]) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of the axes; y of SVG points down."""
+    if frames:
+        left, top, right, bottom = frames[0].bbox()
+        return float(left), float(top), float(right), float(bottom)
+    box = drawing.viewbox
+    if box is None or box.x is None:
+        return 0.0, 0.0, float(drawing.width or 0.0), float(drawing.height or 0.0)
+    # The page may be larger than the view box where their proportions differ.
+    matrix = svgelements.Matrix(drawing.viewbox_transform)
+    first = matrix.point_in_matrix_space((box.x, box.y))
+    last = matrix.point_in_matrix_space((box.x + box.width, box.y + box.height))
+    return float(first[0]), float(first[1]), float(last[0]), float(last[1])
+
+
+def _sampled(path: Any) -> FloatArray:
+    """Points along a path, (n, 2), transformations applied."""
+    path.reify()
+    points: list[tuple[float, float]] = []
+    for segment in path:
+        if type(segment).__name__ in ("Move", "Close"):
+            continue
+        for t in np.linspace(0.0, 1.0, _PER_SEGMENT + 1)[bool(points) :]:
+            point = segment.point(float(t))
+            points.append((float(point.x), float(point.y)))
+    if not points:
+        raise ProblemError("the path of the drawing has no length")
+    return np.array(points)

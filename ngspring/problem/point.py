@@ -1,0 +1,58 @@
+"""One point of the target load path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ngspring.basics.checks import finite_number, refused
+
+
+@dataclass(frozen=True)
+class ControlPoint:
+    """One point of the target load path, with its term w/2 (q - q_*)² in the objective (Eq. 9).
+
+    Parameters
+    ----------
+    d : float
+        Prescribed displacement of the top side in mm; positive is tension.
+    q : float
+        Target reaction force q_* in N; positive is tension.
+    weight : float
+        Weight w_q of the term in N⁻².
+    eta : float
+        Offset of chi in the mechanics of this point (section 2.6): the design that is loaded is the
+        one with chi + eta, whose solid is dilated by l_i eta / 8; negative values erode it.
+
+    Raises
+    ------
+    ProblemError
+        If a value is not a finite number, `d` is zero or `weight` is not positive.
+    """
+
+    d: float
+    q: float
+    weight: float = 1.0
+    eta: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in ("d", "q", "weight", "eta"):
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
+        if self.d == 0.0:
+            # The undeformed state is in equilibrium with q = 0 whatever the design.
+            raise refused("d", self.d, "different from zero, where the force is zero anyway")
+        if self.weight <= 0.0:
+            raise refused("weight", self.weight, "positive")
+
+
+def worst_deviation(points: Iterable[ControlPoint], forces: Iterable[float]) -> float | None:
+    """Largest relative deviation of a force from its target, for points without eta.
+
+    None if there is no force yet, or no target to compare it with.
+    """
+    far = [
+        abs(q / point.q - 1)
+        for point, q in zip(points, forces, strict=False)
+        if point.q and not point.eta
+    ]
+    return max(far, default=None)

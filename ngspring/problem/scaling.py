@@ -1,0 +1,178 @@
+"""Similar problems: other units, sizes and stiffnesses with the same design.
+
+With lengths times ``a``, thickness times ``b`` and stresses times ``s``, forces are multiplied by
+``f = s a b`` and volumes by ``v = a^2 b`` (axisymmetric springs have no thickness: b = a). Every
+term of C* (Eqs. 5, 9, 11) keeps its value, and chi stays the same, if
+
+=============  ======================================================================
+L, H, l_i, l_t, d   times ``a``
+K, G                times ``s``
+q_*                 times ``f``
+w_q                 divided by ``f^2``
+k_rho               divided by ``v``
+k_i                 times ``a^n / v``: a slope of chi is an inverse length
+k_H                 times ``a^4 / v``
+dt                  times ``v`` (see `time_unit`)
+=============  ======================================================================
+
+and E_0, k_r, p, n and eta, which have no dimension, stay as they are. From mm and MPa to m and Pa
+is ``a = b = 1e-3``, ``s = 1e6``: forces stay in N.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+
+import numpy as np
+
+from ngspring.basics.checks import finite_number, shown
+from ngspring.basics.errors import ProblemError
+from ngspring.problem.material import young_and_poisson
+from ngspring.problem.spring import SpringProblem
+
+#: Force over relative displacement q / (d / H) in N at which the paper's weights are w_q = 1 N^-2.
+REFERENCE_STIFFNESS = 20.0
+
+
+def length_unit(problem: SpringProblem) -> float:
+    """A hundredth of the domain's size, 1 mm for the paper's: what "small" is measured with."""
+    return float(np.sqrt(problem.L * problem.H)) / 100
+
+
+def force_unit(problem: SpringProblem) -> float:
+    """Young's modulus times a hundredth of the top's area: 1 N for the paper's plane springs."""
+    return young_and_poisson(problem.K, problem.G)[0] * problem.top_area / 100
+
+
+def scaled(
+    problem: SpringProblem,
+    *,
+    length: float = 1.0,
+    stress: float = 1.0,
+    thickness: float | None = None,
+) -> SpringProblem:
+    """The similar problem: same design field chi, other size, stiffness or units.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    length : float
+        Factor of all lengths in the plane.
+    stress : float
+        Factor of the elastic moduli.
+    thickness : float, optional
+        Factor of the out-of-plane thickness T; as ``length`` by default. Axisymmetric springs have
+        none.
+
+    Returns
+    -------
+    SpringProblem
+        With targets, weights and length scales changed so that the objective keeps its value.
+
+    Raises
+    ------
+    ProblemError
+        If a factor is not a positive number.
+    """
+    a = _factor("length", length)
+    s = _factor("stress", stress)
+    b = a if thickness is None else _factor("thickness", thickness)
+    third = b if problem.motion.thick else a
+    force, volume = s * a * third, a * a * third
+    points = tuple(
+        dataclasses.replace(p, d=p.d * a, q=p.q * force, weight=p.weight / force**2)
+        for p in problem.control_points
+    )
+    return problem.replace(
+        control_points=points,
+        L=problem.L * a,
+        H=problem.H * a,
+        T=problem.T * b,
+        K=problem.K * s,
+        G=problem.G * s,
+        l_i=problem.l_i * a,
+        l_t=problem.l_t * a,
+        k_rho=problem.k_rho / volume,
+        k_i=problem.k_i * a**problem.n / volume,
+        k_H=problem.k_H * a**4 / volume,
+    )
+
+
+def _factor(name: str, value: float) -> float:
+    factor = finite_number(name, value)
+    if factor <= 0.0:
+        raise ProblemError(f"{name} = {shown(value)} is not valid: a factor must be positive")
+    return factor
+
+
+def target_stiffness(problem: SpringProblem) -> float:
+    """Median of ``|q_*| H / |d|`` over the control points of the design itself (eta = 0), in N.
+
+    If there is none with eta = 0, or if all ask for no force, the others count, or 1.
+    """
+    points = [p for p in problem.control_points if p.eta == 0.0] or problem.control_points
+    secants = [abs(p.q) * problem.H / abs(p.d) for p in points if p.q != 0.0]
+    return statistics.median(secants) if secants else 1.0
+
+
+def with_similar_weights(problem: SpringProblem) -> SpringProblem:
+    """The problem with the weights and length scales of the paper's springs, scaled to its size.
+
+    - ``w_q`` so that the targets weigh as much as the paper's: ``(20 N / target_stiffness)^2``.
+      Weights keep their proportions: the largest of the given ones becomes this.
+    - ``k_rho``, ``k_i``, ``k_H``, ``l_t`` by the rules of `scaled`, with the ratio of the domain's
+      size ``sqrt(L H)`` and volume to the paper's.
+    - ``l_i`` four fifths of an element, as in the paper (section 3.5).
+
+    For the paper's springs these are the values of Table 1, and for A1 to A4 their own (w_q of
+    those that stiffen or soften strongly is up to a third larger or smaller).
+    """
+    paper = SpringProblem
+    a = float(np.sqrt(problem.L * problem.H)) / paper.L
+    reference = problem.motion.top_area(paper.L, paper.T)
+    v = float(problem.top_area * problem.H / (reference * paper.H))
+    w_q = (REFERENCE_STIFFNESS / target_stiffness(problem)) ** 2
+    largest = max(point.weight for point in problem.control_points)
+    points = tuple(
+        dataclasses.replace(point, weight=point.weight * (w_q / largest))
+        for point in problem.control_points
+    )
+    return problem.replace(
+        control_points=points,
+        l_i=0.8 * max(problem.h_x, problem.h_y),
+        l_t=paper.l_t * a,
+        k_rho=paper.k_rho / v,
+        k_i=paper.k_i * a**paper.n / v,
+        k_H=paper.k_H * a**4 / v,
+        n=paper.n,
+    )
+
+
+def time_unit(problem: SpringProblem) -> float:
+    """Size of the domain's volume relative to the paper's 10^4 mm^3; pseudo-time scales with it."""
+    return problem.motion.volume(problem.L, problem.H, problem.T) / 1e4
+
+
+def on_mesh(problem: SpringProblem, elements: int) -> tuple[SpringProblem, str]:
+    """The problem on another mesh, and a line about what else had to change (or nothing).
+
+    A coarser mesh needs a wider interface to resolve it: l_i grows by the same factor.
+
+    Raises
+    ------
+    ProblemError
+        If there cannot be such a mesh.
+    """
+    changed = problem.replace(elements=elements)
+    if elements >= problem.elements:
+        return changed, ""
+    factor = problem.elements / elements
+    changed = changed.replace(l_i=problem.l_i * factor)
+    note = (
+        f"{elements} instead of {problem.elements} elements: l_i = {changed.l_i:g} mm instead of"
+        f" {problem.l_i:g} mm, so that the mesh resolves the interface"
+    )
+    if any(point.eta for point in problem.control_points):
+        note += f" (dilation and erosion grow by {factor:g}, too)"
+    return changed, note

@@ -1,0 +1,270 @@
+"""What is to be designed: the target load path, the material, the mesh and the weights.
+
+The fields carry the letters of the paper and the defaults of its Table 1. Lengths are in mm, forces
+in N and stresses in MPa.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import numbers
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ngspring.basics.checks import choice, finite_number, nearest, positive_number, refused
+from ngspring.basics.errors import ProblemError
+from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.kinematics.base import Kinematics
+from ngspring.problem.point import ControlPoint
+from ngspring.problem.toml import parse_fields, read, write_fields
+
+DOMAINS = ("quarter", "full")
+
+_POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
+_NON_NEGATIVE = ("k_r", "p", "k_rho", "k_i", "k_H")
+
+
+@dataclass(frozen=True)
+class SpringProblem:
+    """A spring to be designed, with the parameters of Table 1.
+
+    Parameters
+    ----------
+    control_points : tuple of ControlPoint
+        The target load path; any iterable of control points is accepted and kept as a tuple.
+    name : str
+        Name for titles and files.
+    kinematics : {"plane strain", "axisymmetric"}
+        Deformation gradient of Eq. 13 or of Eq. 21. An axisymmetric spring has radius L/2.
+    domain : {"quarter", "full"}
+        Part of the spring that is analysed: one quadrant with the symmetries of the design, or
+        everything (in the axisymmetric case the half with r > 0).
+    elements : int
+        N of the N x N mesh over L x H; even, because the symmetry axes must be mesh lines, and
+        counted over L x H for both domains.
+    L, H : float
+        Length (or diameter) and height of the design domain in mm.
+    T : float
+        Out-of-plane thickness in mm; not used by axisymmetric springs.
+    K, G : float
+        Bulk and shear modulus of the solid in MPa (Eq. 14).
+    E_0 : float
+        Stiffness of void relative to solid (Eq. 3).
+    k_r : float
+        Scaling of the void regularisation (Eq. 14).
+    p : float
+        RAMP penalisation factor (Eq. 3).
+    k_rho : float
+        Weight of the volume (Eq. 11).
+    k_i : float
+        Weight of the interface width term (Eq. 11).
+    n : float
+        Exponent of the interface width term (Eq. 11).
+    k_H : float
+        Weight of the curvature of chi (Eq. 11).
+    l_i : float
+        Minimum interface width in mm: the slope of chi is limited to 8 / l_i (Eq. 11).
+    l_t : float
+        Length scale of the transient term in mm (Table 1; Eq. 11 prints l_i in its place).
+
+    Raises
+    ------
+    ProblemError
+        If a value has the wrong type or is out of range, or if two control points ask for the
+        same displacement of the same design; the message names the field, the value and what
+        would be right.
+    """
+
+    control_points: tuple[ControlPoint, ...]
+    name: str = ""
+    kinematics: str = "plane strain"
+    domain: str = "quarter"
+    elements: int = 80
+    L: float = 100.0
+    H: float = 100.0
+    T: float = 1.0
+    K: float = 5 / 3
+    G: float = 5 / 14
+    E_0: float = 1e-6
+    k_r: float = 1e-6
+    p: float = 8.0
+    k_rho: float = 1e-8
+    k_i: float = 1e-2
+    n: float = 6.0
+    k_H: float = 1e-9
+    l_i: float = 1.0
+    l_t: float = 8.0
+
+    def __post_init__(self) -> None:
+        self._check_text()
+        self._check_elements()
+        self._check_numbers()
+        self._check_control_points()
+
+    def _check_text(self) -> None:
+        choice("kinematics", self.kinematics, tuple(KINEMATICS))
+        choice("domain", self.domain, DOMAINS)
+        if not isinstance(self.name, str):
+            raise refused("name", self.name, "a string")
+        try:
+            self.name.encode()
+        except UnicodeEncodeError:
+            # Such a name could be neither stored nor printed.
+            raise refused("name", self.name, "text that UTF-8 can encode") from None
+
+    def _check_elements(self) -> None:
+        N: object = self.elements
+        right = "an even integer of at least 4"
+        if isinstance(N, bool) or not isinstance(N, numbers.Integral):
+            raise refused("elements", N, right)
+        if N < 4 or N % 2:
+            raise refused("elements", N, f"{right}, because the symmetry axes are mesh lines")
+        object.__setattr__(self, "elements", int(N))
+
+    def _check_numbers(self) -> None:
+        for field in (*_NON_NEGATIVE, "E_0", "n"):
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
+        for field in _POSITIVE:
+            object.__setattr__(self, field, positive_number(field, getattr(self, field)))
+        for field in _NON_NEGATIVE:
+            if getattr(self, field) < 0.0:
+                raise refused(field, getattr(self, field), "zero or positive")
+        if not 0.0 < self.E_0 < 1.0:
+            raise refused("E_0", self.E_0, "between 0 and 1, both excluded")
+        if self.n < 2.0:
+            raise refused("n", self.n, "at least 2, or Newton's method has no second derivative")
+
+    def _check_control_points(self) -> None:
+        given: object = self.control_points
+        right = "a sequence of ControlPoint(d, q)"
+        if not isinstance(given, Iterable):
+            raise refused("control_points", given, right)
+        points = tuple(given)
+        if not points:
+            raise refused("control_points", points, f"{right} with at least one of them")
+        first_with: dict[tuple[float, float], int] = {}
+        for i, point in enumerate(points):
+            field = f"control_points[{i}]"
+            if not isinstance(point, ControlPoint):
+                raise refused(field, point, "a ControlPoint(d, q)")
+            if abs(point.d) >= self.H:
+                raise refused(f"{field}.d", point.d, f"smaller in size than H = {self.H}")
+            k = first_with.setdefault((point.d, point.eta), i)
+            if k < i:
+                where = f"control_points[{k}] and [{i}] both have d = {point.d}, eta = {point.eta}"
+                if point.q == points[k].q:
+                    raise ProblemError(f"{where}, q = {point.q}: each point must be given once")
+                raise ProblemError(
+                    f"{where} but contradict each other with q = {points[k].q} and {point.q}:"
+                    " a displacement must have one target force"
+                )
+        object.__setattr__(self, "control_points", points)
+
+    @property
+    def motion(self) -> Kinematics:
+        """What `kinematics` names: deformation gradient, measure, meaning of the width."""
+        return KINEMATICS[self.kinematics]
+
+    @property
+    def top_area(self) -> float:
+        """Area in mm^2 of the loaded top side: L T, or the disc of diameter L."""
+        return self.motion.top_area(self.L, self.T)
+
+    @property
+    def quarter(self) -> bool:
+        """Whether one quadrant is analysed instead of the full domain."""
+        return self.domain == "quarter"
+
+    @property
+    def h_x(self) -> float:
+        """Width of an element, L/N, in mm."""
+        return self.L / self.elements
+
+    @property
+    def h_y(self) -> float:
+        """Height of an element, H/N, in mm."""
+        return self.H / self.elements
+
+    @property
+    def coefficient_shape(self) -> tuple[int, int]:
+        """Number of independent spline coefficients of the doubly symmetric chi in x and in y.
+
+        One coefficient per element of the quadrant, and one ghost layer outside the left side,
+        where chi is free. None outside the bottom, where mirror symmetry ties it to the inside.
+        """
+        return self.elements // 2 + 1, self.elements // 2
+
+    def replace(self, **changes: Any) -> SpringProblem:
+        """Return a copy with some fields changed.
+
+        Raises
+        ------
+        ProblemError
+            If a field does not exist, or the changed problem is not valid.
+        """
+        names = [field.name for field in dataclasses.fields(self)]
+        for field in changes:
+            if field not in names:
+                raise ProblemError(
+                    f"SpringProblem has no field {field!r}: did you mean {nearest(field, names)!r}?"
+                )
+        return dataclasses.replace(self, **changes)
+
+    def to_toml(self) -> str:
+        """Return the problem as TOML text, from which `from_toml` makes an equal problem."""
+        return write_fields(dataclasses.asdict(self))
+
+    @classmethod
+    def from_toml(cls, text_or_path: str | os.PathLike[str]) -> SpringProblem:
+        """Read a problem from TOML, see `ngspring.problem.toml`.
+
+        Parameters
+        ----------
+        text_or_path : str or path
+            A path, or a string that names an existing file or is one line that ends with
+            ``.toml``, is read as a file; any other string is TOML text.
+
+        Raises
+        ------
+        ProblemError
+            If the file cannot be read, the TOML is malformed, a key is unknown or missing, or
+            the problem is not valid.
+        """
+        return read(text_or_path, cls.parse_toml)
+
+    @classmethod
+    def parse_toml(cls, text: str, folder: Path | None = None) -> SpringProblem:
+        """Read a problem from TOML text, never from a file of that name.
+
+        Parameters
+        ----------
+        text : str
+        folder : path, optional
+            Where the file of ``targets`` is looked for; without it, such a key is refused.
+
+        Raises
+        ------
+        ProblemError
+            See `from_toml`.
+        """
+        return cls(**parse_fields(text, cls, height_and_area, folder))
+
+
+def height_and_area(values: Mapping[str, Any]) -> tuple[float, float]:
+    """Height in mm and loaded area in mm^2 of a spring with these fields, or with the defaults.
+
+    They turn the strains and stresses of a curve into d and q, see `ngspring.read_curve`.
+
+    Raises
+    ------
+    ProblemError
+        If one of ``kinematics``, ``L``, ``H`` and ``T`` is not valid.
+    """
+    names = ("kinematics", "L", "H", "T")
+    size = {name: values.get(name, getattr(SpringProblem, name)) for name in names}
+    kinematics = KINEMATICS[choice("kinematics", size.pop("kinematics"), tuple(KINEMATICS))]
+    L, H, T = (positive_number(name, value) for name, value in size.items())
+    return H, kinematics.top_area(L, T)

@@ -1,0 +1,1 @@
+"""What a target asks for: a problem from a curve, and whether it can be met."""

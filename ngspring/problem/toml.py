@@ -1,0 +1,220 @@
+"""Spring problems as TOML text: from text to the fields of a problem, and back.
+
+Every field of `ngspring.SpringProblem` is a key, and every control point a table::
+
+    name = "C4"
+    elements = 80
+
+    [[control_points]]
+    d = 10.0
+    q = 2.0
+
+Only `control_points`, and `d` and `q` in each of them, must be there; the rest has the defaults of
+Table 1. Besides the fields a file may have
+
+- ``E`` (MPa), ``shore_A`` or ``material`` (a name), with ``nu`` (0.4 by default), instead of ``K``
+  and ``G``, see `ngspring.problem.material`;
+- ``w_q``, the weight of all control points that have none of their own;
+- ``targets = "curve.csv"`` instead of `control_points`, a file beside the TOML file, or a table
+  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, and with
+  ``compression = true`` if the file counts compression as positive, see
+  `ngspring.problem.curves.curve`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+import tomli_w
+
+from ngspring.basics.checks import finite_number, nearest, shown
+from ngspring.basics.errors import ProblemError
+from ngspring.basics.files import read_text
+from ngspring.problem.curves.curve import read_curve
+from ngspring.problem.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem.point import ControlPoint
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+logger = logging.getLogger(__name__)
+
+
+#: Keys that are not fields.
+FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
+_TARGETS_KEYS = ("file", "points", "at", "compression")
+
+#: What else displacement and force of a control point are called, in lower case.
+_OTHER_NAMES = {
+    **dict.fromkeys(("u", "displacement", "deflection", "travel", "extension", "x"), "d"),
+    **dict.fromkeys(("f", "force", "load", "reaction", "p"), "q"),
+}
+
+Parsed = TypeVar("Parsed")
+
+#: Values by field name.
+Fields: TypeAlias = dict[str, Any]
+#: Height in mm and area of the loaded side in mm^2 of a spring with these fields.
+SizeOf: TypeAlias = Callable[[Mapping[str, Any]], tuple[float, float]]
+
+
+def write_fields(values: Fields) -> str:
+    """Return the fields of a problem as TOML text that `parse_fields` turns into equal ones."""
+    points = values["control_points"]
+    values = {name: value for name, value in values.items() if name != "control_points"}
+    # tomli_w would put short control points into one line of inline tables.
+    return tomli_w.dumps(values) + "".join(
+        f"\n[[control_points]]\n{tomli_w.dumps(point)}" for point in points
+    )
+
+
+def read(text_or_path: str | os.PathLike[str], parse: Callable[[str, Path], Parsed]) -> Parsed:
+    """Hand the text of a TOML file, or a TOML text, to `parse`, with the folder it stands in.
+
+    Parameters
+    ----------
+    text_or_path : str or path
+        A path, or a string that names an existing file or is one line that ends with ``.toml``, is
+        read as a file; any other string is TOML text.
+    parse : callable
+
+    Raises
+    ------
+    ProblemError
+        With a message of one line, which starts with the name of the file if there is one.
+    """
+    if not isinstance(text_or_path, str | os.PathLike):
+        raise ProblemError(f"{shown(text_or_path)} is neither TOML text nor the path of a file")
+    if isinstance(text_or_path, str) and not _names_a_file(text_or_path):
+        return parse(text_or_path, Path())
+    path = os.fsdecode(text_or_path)
+    try:
+        return parse(read_text(path), Path(path).parent)
+    except ProblemError as error:
+        raise ProblemError(f"{path!r}: {error}") from error.__cause__
+
+
+def _names_a_file(text: str) -> bool:
+    one_line = len(text.splitlines()) == 1
+    return os.path.isfile(text) or (one_line and text.endswith(".toml"))
+
+
+def load_tables(text: str) -> dict[str, Any]:
+    """Parse TOML; what is malformed is a ProblemError of one line."""
+    try:
+        tables: dict[str, Any] = tomllib.loads(text)
+    except RecursionError as error:
+        raise ProblemError("not valid TOML: nested too deeply") from error
+    except ValueError as error:
+        # Besides TOMLDecodeError, the parser lets Python's own complaints about numbers through.
+        reason = " ".join(str(error).split())
+        raise ProblemError(f"not valid TOML: {reason}") from error
+    return tables
+
+
+def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None = None) -> Fields:
+    """Read the fields of a problem from TOML text, never from a file of that name.
+
+    Parameters
+    ----------
+    text : str
+    described : dataclass
+        Whose fields are the keys.
+    size : callable
+        Tells from the other fields what turns strain and stress of ``targets`` into d and q.
+    folder : path, optional
+        Where the file of ``targets`` is looked for; without it, such a key is refused.
+    """
+    values = load_tables(text)
+    _check_keys(values, described, "", FURTHER_KEYS)
+    further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
+    moduli = moduli_from({**values, **further})
+    if moduli is not None:
+        values["K"], values["G"] = moduli
+    weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
+    if "targets" in further:
+        if "control_points" in values:
+            raise ProblemError("both targets and control_points are given: give one of them")
+        points = _points_of_curve(further["targets"], size(values), weight, folder)
+        return {**values, "control_points": points}
+    if "control_points" not in values:
+        raise ProblemError("missing key 'control_points' (or 'targets')")
+    tables = values["control_points"]
+    if not isinstance(tables, list):
+        raise ProblemError(
+            f"control_points = {shown(tables)} is not valid: it must be [[control_points]] tables"
+        )
+    points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
+    return {**values, "control_points": points}
+
+
+def _points_of_curve(
+    described: object, size: tuple[float, float], weight: float | None, folder: Path | None
+) -> list[ControlPoint]:
+    """Control points of ``targets``, for a spring of this height and area."""
+    table = {"file": described} if isinstance(described, str) else described
+    right = "the name of a CSV file, or a table with file, and points or at"
+    if not isinstance(table, dict) or not isinstance(table.get("file"), str):
+        raise ProblemError(f"targets = {shown(described)} is not valid: it must be {right}")
+    for key in table:
+        if key not in _TARGETS_KEYS:
+            raise ProblemError(
+                f"unknown key {shown(key)} in targets:"
+                f" did you mean {nearest(key, _TARGETS_KEYS)!r}?"
+            )
+    points, at = table.get("points"), table.get("at")
+    if points is not None and (isinstance(points, bool) or not isinstance(points, int)):
+        raise ProblemError(f"targets.points = {shown(points)} is not valid: it must be an integer")
+    if at is not None and not isinstance(at, list):
+        raise ProblemError(f"targets.at = {shown(at)} is not valid: it must be a list of d in mm")
+    compression = table.get("compression", False)
+    if not isinstance(compression, bool):
+        raise ProblemError(f"targets.compression = {shown(compression)} must be true or false")
+    if folder is None:
+        raise ProblemError("targets names a file, but this text does not come from a file")
+    curve = read_curve(folder / table["file"], *size, compression=compression)
+    for remark in curve.remarks:
+        logger.info("%s: %s", table["file"], remark)
+    chosen = curve.control_points(points, at)
+    return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
+
+
+def _control_point(table: object, i: int, weight: float | None = None) -> ControlPoint:
+    where = f"control_points[{i}]"
+    if not isinstance(table, dict):
+        raise ProblemError(
+            f"{where} = {shown(table)} is not valid: it must be a table with d and q"
+        )
+    _check_keys(table, ControlPoint, f" in {where}")
+    try:
+        return ControlPoint(**(table if weight is None else {"weight": weight, **table}))
+    except ProblemError as error:
+        raise ProblemError(f"{where}.{error}") from None
+
+
+def _check_keys(
+    table: Mapping[str, object],
+    described: type,
+    where: str,
+    further: tuple[str, ...] = (),
+) -> None:
+    fields = dataclasses.fields(described)
+    names = [*(field.name for field in fields), *further]
+    for key in table:
+        if key not in names:
+            meant = nearest(key, names)
+            if described is ControlPoint:
+                meant = _OTHER_NAMES.get(key.casefold(), meant)
+            raise ProblemError(f"unknown key {shown(key)}{where}: did you mean {meant!r}?")
+    for field in fields:
+        required = field.default is dataclasses.MISSING and field.name != "control_points"
+        if required and field.name not in table:
+            raise ProblemError(f"missing key {field.name!r}{where}")

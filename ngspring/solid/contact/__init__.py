@@ -1,0 +1,1 @@
+"""The solid with surfaces that touch: elasticity, contact, load path."""

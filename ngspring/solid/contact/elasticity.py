@@ -1,0 +1,217 @@
+"""Elasticity of a solid alone, without a void around it: energy, forces, tangent, stretches (3.5).
+
+A `Solid` is a mesh of second-order triangles, an energy density and linear constraints; the spring
+of a `Body` with the boundary conditions of 2.5 is one use of it, see
+`ngspring.solid.contact.supports`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ngspring.basics.arrays import FloatArray, IntArray
+from ngspring.fem.constraints import DisplacementExtraction
+from ngspring.fem.grid import Grid
+from ngspring.fem.process import tasks
+from ngspring.fem.reduction import csr_pattern, product_map, product_pattern
+from ngspring.physics import energies
+from ngspring.solid.mesh.body import Body
+
+#: Energy per area of the mesh (thickness or 2 pi r and the number of copies included) from u and
+#: its gradient.
+Density = Callable[[energies.CF, energies.CF], energies.CF]
+
+#: Points where the energy is integrated, the same everywhere so that forces are its derivative.
+_RULE_ORDER = 4
+_SAMPLES = ((1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+
+
+def numbered(
+    parent: IntArray, weight: FloatArray, driven: int
+) -> tuple[DisplacementExtraction, IntArray]:
+    """The constraints ``u[i] = weight[i] * u[parent[i]]`` as an extraction of free unknowns.
+
+    Parameters
+    ----------
+    parent : int array (2 ndof,)
+        A dof of the VectorH1 space (x components first), each its own parent where it is free.
+    weight : array (2 ndof,)
+        0 where the displacement is zero.
+    driven : int
+        The dof whose value is prescribed.
+
+    Returns
+    -------
+    extraction : DisplacementExtraction
+        Its last column belongs to the driven dof.
+    unknown : int array (2 ndof,)
+        Number of the free unknown that a dof follows, -1 if none.
+    """
+    used = weight != 0.0
+    is_master = np.zeros(len(parent), bool)
+    is_master[parent[used]] = True
+    is_master[driven] = False
+    number = np.full(len(parent), -1)
+    number[is_master] = np.arange(is_master.sum())
+    free = int(is_master.sum())
+    number[driven] = free
+    master = np.where(used, number[parent], 0).astype(np.int64)
+    unknown = np.where(used & (number[parent] < free), number[parent], -1)
+    return DisplacementExtraction(master, weight, free), unknown.astype(np.int64)
+
+
+class Solid:
+    """Strain energy of a solid as a function of its displacement dofs, with linear constraints.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Triangles, curved to second order.
+    density : callable
+        Strain energy per area of the mesh, from u and grad u.
+    matrix : sparse (2 ndof, free + 1)
+        Linear constraints: dofs of VectorH1(order=2) on the mesh (x components first) <- free
+        unknowns and, as the last column, the prescribed displacement d.
+    floating : int array
+        Free unknowns, one for each part of the solid that no constraint keeps from moving as a
+        whole. In the linear systems, and only there, each is held by a spring: the forces of such
+        a part are in balance, so the spring's force is zero and equilibrium is not touched.
+    stretch_33 : callable, optional
+        Stretch out of the plane from u; 1 by default.
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        density: Density,
+        matrix: sp.csr_matrix,
+        floating: IntArray | None = None,
+        stretch_33: Callable[[energies.CF], energies.CF] | None = None,
+    ) -> None:
+        self.mesh = mesh
+        self.space = ng.VectorH1(mesh, order=2)
+        self.matrix = matrix
+        self.transposed = self.matrix.T.tocsr()
+        self.free = matrix.shape[1] - 1
+        self.floating = np.zeros(0, np.int64) if floating is None else floating
+        u = self.space.TrialFunction()
+        self._form = ng.BilinearForm(self.space, symmetric=True)
+        self._form += ng.Variation(density(u, ng.Grad(u)).Compile() * ng.dx(intrules=_rules()))
+        self.u = ng.GridFunction(self.space)
+        self.u.vec[:] = 0.0
+        self._result = self.u.vec.CreateVector()
+        one = ng.CF(1.0)
+        self._stretch_33 = one if stretch_33 is None else stretch_33(self.u)
+        with tasks():
+            self._form.AssembleLinearization(self.u.vec)
+        rows, columns = csr_pattern(self._form)
+        self._pattern = product_pattern(rows, columns, self.matrix, self.matrix)
+        self._map = product_map(rows, columns, self.matrix, self.matrix, self._pattern)
+        reduced = self.tangent(np.zeros(self.space.ndof))
+        self.diagonal_at_rest: FloatArray = np.array(reduced.diagonal()[: self.free])
+
+    @property
+    def ndof(self) -> int:
+        """Dofs of one component."""
+        return int(self.space.ndof) // 2
+
+    def set(self, full: FloatArray) -> None:
+        """Load dofs into the grid function `u`."""
+        self.u.vec.FV().NumPy()[:] = full
+
+    def energy(self, full: FloatArray) -> float:
+        """Strain energy in N mm; not finite if an element is inverted at an integration point."""
+        self.set(full)
+        with tasks():
+            return float(self._form.Energy(self.u.vec))
+
+    def forces(self, full: FloatArray) -> FloatArray:
+        """Derivative of the energy by the dofs, in N."""
+        self.set(full)
+        with tasks():
+            self._form.Apply(self.u.vec, self._result)
+        return np.array(self._result.FV().NumPy())
+
+    def tangent(self, full: FloatArray) -> sp.csr_matrix:
+        """Second derivative by the free unknowns and d (last row and column), both triangles."""
+        self.set(full)
+        with tasks():
+            self._form.AssembleLinearization(self.u.vec)
+        return self._pattern.matrix(self._map @ self._form.mat.AsVector().FV().NumPy())
+
+    def inverted(self, full: FloatArray) -> bool:
+        """Whether det F <= 0 at an integration point or a vertex."""
+        self.set(full)
+        return bool((self._at_samples(ng.Det(ng.Id(2) + ng.Grad(self.u))) <= 0.0).any())
+
+    def _at_samples(self, field: energies.CF) -> NDArray[np.float64]:
+        rule = ng.IntegrationRule(list(_SAMPLES), [1.0] * len(_SAMPLES))
+        return np.asarray(field(self.mesh.MapToAllElements(rule, ng.VOL)))
+
+    def largest_stretch(self, full: FloatArray) -> tuple[float, tuple[float, float]]:
+        """Largest principal stretch and its place in the undeformed solid, in mm."""
+        self.set(full)
+        f = ng.Id(2) + ng.Grad(self.u)
+        values = self._at_samples(ng.CF((ng.InnerProduct(f, f), ng.Det(f), self._stretch_33)))
+        places = self._at_samples(ng.CF((ng.x, ng.y)))
+        trace, det = values[:, 0], values[:, 1]
+        in_plane = np.sqrt(trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - det**2, 0.0)))
+        # On the axis u_r / r is 0 / 0; its limit is one of the stretches in the plane.
+        stretch = np.fmax(in_plane, values[:, 2])
+        k = int(np.argmax(stretch))
+        return float(stretch[k]), (float(places[k, 0]), float(places[k, 1]))
+
+
+def spring_density(body: Body) -> Density:
+    """Energy density of a spring's solid: Eq. 14 with E(chi) = 1, for the whole spring."""
+    measure = energies.measure(Grid(body.problem))
+    return lambda u, grad_u: measure * energies.strain_energy(u, grad_u, body.problem)
+
+
+def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
+    """Vertical force in N carried by the solid's stresses, averaged over all heights.
+
+    The virtual work of the nominal stress P (Eqs. 16, 17, 22) in a uniform vertical stretch of
+    1 mm of the spring: the mean over all horizontal sections of the integral of ``P_yy``. Contact
+    forces that cross a section are to be added.
+
+    Its test function belongs to the space, so that in equilibrium it is the force on the sides but
+    for rounding, on any mesh. It checks that the iteration has converged, that Eqs. 16 and 17 are
+    the energy's derivative, and that contact is balanced; not the mesh, see `side_force`.
+    """
+    solid.set(full)
+    # One over H for the quarter, too: it is stretched by half a millimetre over half the height.
+    height = body.problem.H
+    v, grad_v = ng.CF((0, ng.y / height)), ng.CF((0, 0, 0, 1 / height), dims=(2, 2))
+    work = energies.virtual_work(solid.u, ng.Grad(solid.u), v, grad_v, body.problem)
+    with tasks():
+        total = energies.measure(Grid(body.problem)) * work * ng.dx(intrules=_rules())
+        return float(ng.Integrate(total, solid.mesh))
+
+
+def side_force(body: Body, solid: Solid, full: FloatArray, side: str) -> float:
+    """Vertical force in N of the solid's stresses on a loaded side: the integral of ``P_yy`` there.
+
+    Stresses at a boundary are only as accurate as the mesh (for smooth solutions the error goes
+    with the square of its size), so their distance from the force on the side is a measure of the
+    mesh. For the whole spring; contact forces on a mirror plane are to be added.
+    """
+    solid.set(full)
+    grid = Grid(body.problem)
+    at_side = ng.BoundaryFromVolumeCF(ng.Grad(solid.u))
+    zero, vertical = ng.CF((0, 0)), ng.CF((0, 0, 0, 1), dims=(2, 2))
+    stress = energies.virtual_work(solid.u, at_side, zero, vertical, body.problem)
+    share = 0.5 if grid.half_height else 1.0
+    with tasks():
+        total = energies.measure(grid) * stress * ng.ds(side, bonus_intorder=4)
+        return share * float(ng.Integrate(total, solid.mesh))
+
+
+def _rules() -> dict[Any, Any]:
+    return {ng.ET.TRIG: ng.IntegrationRule(ng.ET.TRIG, _RULE_ORDER)}

@@ -1,0 +1,306 @@
+"""Equilibrium of a solid with contact at a prescribed displacement.
+
+A minimum of the total energy, strain energy plus contact: Newton's method with the exact second
+derivative, steps limited by `ngspring.solid.contact.tunnelling.Skeleton` and by a line search on
+the energy, and a shift of the matrix where it is not positive definite, so that each step goes
+downhill.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.errors import ConvergenceError
+from ngspring.fem.linear import (
+    Factorization,
+    inertia,
+    make_factorization,
+    multiply,
+    symmetric,
+    wants_upper,
+)
+from ngspring.solid.contact.contact import Contact, ContactState
+from ngspring.solid.contact.elasticity import Solid
+from ngspring.solid.contact.tunnelling import Skeleton
+
+#: Softer laws on the way, from what overlap on (in units of epsilon), and their accuracy.
+_SOFTER = (400.0, 20.0)
+_DEEP = 4.0
+_ROUGH = 1e-4
+_PREDICTIONS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoint:
+    """One point of a load path with contact.
+
+    Attributes
+    ----------
+    d : float
+        Prescribed displacement in mm.
+    u : array (free,)
+        Free unknowns in mm.
+    q : float
+        dE/dd in N.
+    tangent : array (free,)
+        du/dd.
+    stiffness : float
+        dq/dd in N/mm.
+    energy : float
+        Strain and contact energy in N mm.
+    contact : ContactState
+        What touches what.
+    residual : float
+        Norm of the forces on the free unknowns in N.
+    iterations : int
+    """
+
+    d: float
+    u: FloatArray
+    q: float
+    tangent: FloatArray
+    stiffness: float
+    energy: float
+    contact: ContactState
+    residual: float
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    full: FloatArray
+    contact: ContactState
+    energy: float
+    force: FloatArray
+
+
+class ContactMechanics:
+    """Solid, contact and skeleton together.
+
+    Parameters
+    ----------
+    solid : Solid
+    contact : Contact
+    skeleton : Skeleton
+    size : float
+        Length in mm against which updates are judged.
+    solver, threads
+        See `ngspring.fem.linear.make_factorization`.
+    """
+
+    MAX_ITERATIONS = 60
+    ACCURACY = 1e-9
+
+    def __init__(
+        self,
+        solid: Solid,
+        contact: Contact,
+        skeleton: Skeleton,
+        size: float,
+        solver: str = "auto",
+        threads: int = 1,
+    ) -> None:
+        self.solid, self.contact, self.skeleton = solid, contact, skeleton
+        self.size = size
+        contact.leave_out_held(solid.matrix)
+        self._solver, self._threads = solver, threads
+        self._rounding = 1e-16 * float(solid.diagonal_at_rest.max(initial=0.0)) * size**2
+        self._factorization: Factorization | None = None
+
+    def full_field(self, d: float, u: FloatArray) -> FloatArray:
+        """Dofs of the VectorH1 space."""
+        return np.asarray(self.solid.matrix @ np.append(u, d))
+
+    def _state(self, d: float, u: FloatArray) -> _State:
+        full = self.full_field(d, u)
+        contact = self.contact.state(full)
+        energy = self.solid.energy(full) + self.contact.energy(contact)
+        force = self.solid.transposed @ (self.solid.forces(full) + self.contact.forces(contact))
+        return _State(full, contact, energy, np.asarray(force))
+
+    def _admissible(self, state: _State) -> bool:
+        return bool(np.isfinite(state.energy) and np.isfinite(state.force).all())
+
+    def _tangent(self, state: _State) -> tuple[sp.csr_matrix, FloatArray, float]:
+        """Matrix of the free unknowns, its column of d, and their corner."""
+        stiffness = self.solid.tangent(state.full)
+        if not np.isfinite(stiffness.data).all():
+            raise ConvergenceError("the tangent has entries that are not finite")
+        contact = self.contact.second_derivative(state.contact, self.solid.matrix)
+        total = sp.csr_matrix(stiffness + contact)
+        n = self.solid.free
+        column = np.asarray(total[:n, n].todense()).ravel()
+        return sp.csr_matrix(total[:n, :n]), column, float(total[n, n])
+
+    def _factorize(self, matrix: sp.csr_matrix, shift: float) -> int:
+        """Factorise; returns how many eigenvalues are negative (0 if not known)."""
+        extra = shift * self.solid.diagonal_at_rest
+        extra[self.solid.floating] += self.solid.diagonal_at_rest[self.solid.floating]
+        matrix = matrix + sp.diags_array(extra)
+        triangle = sp.triu(matrix) if wants_upper(self._solver) else sp.tril(matrix)
+        triangle = sp.csr_matrix(triangle)
+        triangle.sort_indices()
+        factorization = self._factorization
+        if factorization is None:
+            factorization = make_factorization(triangle, self._solver, self._threads)
+            self._factorization = factorization
+        elif not _same_pattern(factorization.matrix, triangle):
+            # What touches what decides the pattern.
+            factorization.set_pattern(triangle)
+        factorization.matrix.data[:] = triangle.data
+        try:
+            factorization.factorize()
+        except Exception as error:
+            raise ConvergenceError(f"the factorisation failed: {error}") from error
+        negative = factorization.negative_eigenvalues
+        return (inertia(symmetric(triangle)) if negative is None else negative) or 0
+
+    def _solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution with the last matrix, refined once."""
+        assert self._factorization is not None
+        x = self._factorization.solve(rhs)
+        residual = rhs - multiply(self._factorization.matrix, x)
+        return np.asarray(x + self._factorization.solve(residual))
+
+    def _direction(self, matrix: sp.csr_matrix, force: FloatArray) -> tuple[FloatArray, float]:
+        """A downhill Newton step, and the shift that it took."""
+        shift = 0.0
+        while True:
+            negative = self._factorize(matrix, shift)
+            update = self._solve(-force)
+            if not negative and np.isfinite(update).all() and update @ force <= 0.0:
+                return update, shift
+            shift = max(10 * shift, 1e-5)
+            if shift > 1e4:
+                raise ConvergenceError("no downhill direction was found")
+
+    def equilibrium(self, d: float, guess: FloatArray) -> ContactPoint:
+        """Minimum of the energy at a prescribed d, from an admissible guess.
+
+        Where surfaces overlap in the guess more than they will in equilibrium, softer contact laws
+        first find out what touches: with the stiff one, points would bounce.
+
+        Raises
+        ------
+        ConvergenceError
+            If it is not found.
+        """
+        u, iterations = guess, 0
+        state = self._state(d, u)
+        if not self._admissible(state):
+            raise ConvergenceError("the initial guess inverts an element")
+        if state.contact.smallest_gap < -_DEEP * self.contact.law.epsilon:
+            law = self.contact.law
+            try:
+                for factor in _SOFTER:
+                    self.contact.law = law.softened(factor)
+                    u, iterations = self._minimise(d, u, iterations, _ROUGH)
+            finally:
+                self.contact.law = law
+        u, iterations = self._minimise(d, u, iterations, self.ACCURACY)
+        return self._finished(d, u, iterations)
+
+    def _minimise(
+        self, d: float, u: FloatArray, iterations: int, accuracy: float
+    ) -> tuple[FloatArray, int]:
+        """Newton's method until forces and updates are small; returns u and all iterations."""
+        state = self._state(d, u)
+        norm = np.inf
+        for iteration in range(iterations + 1, iterations + self.MAX_ITERATIONS + 1):
+            matrix, _, _ = self._tangent(state)
+            update, shift = self._direction(matrix, state.force[:-1])
+            u, state, step = self._line_search(d, u, state, update)
+            size = float(np.abs(step * update).max(initial=0.0))
+            norm = float(np.linalg.norm(state.force[:-1]))
+            if (
+                step == 1.0
+                and shift == 0.0
+                and size <= 100 * accuracy * self.size
+                and norm <= accuracy * (1e-3 + abs(state.force[-1]))
+            ):
+                return u, iteration
+        raise ConvergenceError(
+            f"no convergence in {self.MAX_ITERATIONS} iterations (forces out of balance by"
+            f" {norm:.2g} N)"
+        )
+
+    def _line_search(
+        self, d: float, u: FloatArray, state: _State, update: FloatArray
+    ) -> tuple[FloatArray, _State, float]:
+        free_way = self.skeleton.largest_step(state.full, self.full_field(d, u + update))
+        step = 1.0 if free_way == 1.0 else 0.9 * free_way
+        slope = float(update @ state.force[:-1])
+        # Rounding of the energy must not stop the last steps.
+        rounding = 1e-12 * abs(state.energy) + self._rounding
+        while step > 1e-8:
+            trial = self._state(d, u + step * update)
+            if self._admissible(trial) and (
+                trial.energy <= state.energy + 1e-4 * step * slope + rounding
+            ):
+                return u + step * update, trial, step
+            step /= 2
+        raise ConvergenceError("the energy has no lower state along a Newton step")
+
+    def _finished(self, d: float, u: FloatArray, iterations: int) -> ContactPoint:
+        """One more Newton step, to rounding, and the tangent of the path."""
+        state = self._state(d, u)
+        matrix, column, corner = self._tangent(state)
+        if self._factorize(matrix, 0.0):
+            raise ConvergenceError("the equilibrium is not stable")
+        u = u - self._solve(state.force[:-1])
+        state = self._state(d, u)
+        tangent = -self._solve(column)
+        return ContactPoint(
+            d=d,
+            u=u,
+            # What is left out of balance belongs to q, weighted by du/dd.
+            q=float(state.force[-1] + tangent @ state.force[:-1]),
+            tangent=tangent,
+            stiffness=corner + float(column @ tangent),
+            energy=state.energy,
+            contact=state.contact,
+            residual=float(np.linalg.norm(state.force[:-1])),
+            iterations=iterations,
+        )
+
+    def predicted(self, here: ContactPoint, d: float) -> FloatArray:
+        """A guess for the free unknowns at d: the tangent of the path, contact ahead included.
+
+        Where gaps of the present state would close on the tangent, they are held (nearly) closed,
+        in linear theory, and the tangent is found again until that set stays the same.
+        """
+        change = d - here.d
+        step = change * here.tangent
+        gaps, rows, areas = self.contact.linear_gaps(here.contact, self.solid.matrix)
+        n = self.solid.free
+        rows, gaps = sp.csr_matrix(rows[:, :n]), gaps + change * rows[:, [n]].toarray().ravel()
+        closing = gaps + rows @ step < 0.0
+        if not closing.any():
+            return here.u + step
+        state = self._state(here.d, here.u)
+        matrix, column, _ = self._tangent(state)
+        for _ in range(_PREDICTIONS):
+            held = rows[closing]
+            weight = self.contact.law.kappa * areas[closing]
+            self._factorize(sp.csr_matrix(matrix + held.T @ sp.diags_array(weight) @ held), 0.0)
+            step = self._solve(-change * column - held.T @ (weight * gaps[closing]))
+            before, closing = closing, gaps + rows @ step < 0.0
+            if np.array_equal(before, closing):
+                break
+        return here.u + step
+
+    def at_rest(self) -> ContactPoint:
+        """The undeformed state."""
+        return self.equilibrium(0.0, np.zeros(self.solid.free))
+
+
+def _same_pattern(a: sp.csr_matrix, b: sp.csr_matrix) -> bool:
+    return (
+        len(a.indices) == len(b.indices)
+        and np.array_equal(a.indptr, b.indptr)
+        and np.array_equal(a.indices, b.indices)
+    )

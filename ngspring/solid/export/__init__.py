@@ -1,0 +1,1 @@
+"""Files for a workshop: STEP, SVG, DXF, STL, VTU, MSH."""

@@ -1,0 +1,1 @@
+"""A body-fitted mesh of second-order triangles inside an outline."""

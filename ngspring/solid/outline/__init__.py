@@ -1,0 +1,1 @@
+"""The contour chi = level, traced on the spline itself."""

@@ -1,0 +1,231 @@
+"""What manufacturing errors do to the curve: surfaces moved in and out (3.5, named as open).
+
+The surface moves with the level of chi. With the slope 8 / l_i, which the formulation allows at an
+interface (Eq. 11), the contour chi = -8 o / l_i lies o mm further out. Actual slopes are a little
+smaller and vary along the contour, so the level is chosen such that the surface moves by o on
+average: the area gained is o times the length of the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ngspring.analysis.states import curve_displacements, force_at
+from ngspring.basics.arrays import FloatArray
+from ngspring.basics.checks import shown
+from ngspring.basics.errors import OutlineError, ProblemError
+from ngspring.basics.files import finite_or_none
+from ngspring.design.design import Design
+from ngspring.problem.point import ControlPoint
+from ngspring.solid.contact.response import (
+    ContactResponse,
+    ContactSettings,
+    contact_load_displacement,
+)
+from ngspring.solid.mesh.mesh_body import mesh_body
+from ngspring.solid.outline.outline import Outline, outline
+from ngspring.solid.sides import SURFACE
+
+OFFSETS = (0.1, 0.25, 0.5)
+#: Relative accuracy of the mean offset, and steps at most to find the level for it.
+_ACCURACY, _STEPS = 1e-3, 8
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetCurve:
+    """The curve of a solid with its surface moved.
+
+    Attributes
+    ----------
+    offset : float
+        In mm, positive outwards: more material.
+    level : float
+        The solid is {chi > level}; NaN if there is no such solid.
+    contact : ContactResponse or None
+        None if there is no such solid.
+    message : str
+        Why not, or where its path ended.
+    """
+
+    offset: float
+    level: float
+    contact: ContactResponse | None
+    message: str
+
+    def q(self, d: float) -> float:
+        """Force in N at a displacement; NaN where it was not reached."""
+        return float("nan") if self.contact is None else force_at(self.contact, d)
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance:
+    """Outcome of `tolerance`.
+
+    Attributes
+    ----------
+    design : Design
+    displacements : array
+        In mm, in increasing order.
+    curves : tuple of OffsetCurve
+        In increasing order of the offset, zero among them.
+    """
+
+    design: Design
+    displacements: FloatArray
+    curves: tuple[OffsetCurve, ...]
+
+    @property
+    def points(self) -> tuple[ControlPoint, ...]:
+        """Control points of the blueprint design."""
+        return tuple(point for point in self.design.problem.control_points if not point.eta)
+
+    @property
+    def nominal(self) -> OffsetCurve:
+        """The curve without an offset."""
+        return next(curve for curve in self.curves if curve.offset == 0.0)
+
+    def sensitivity(self, d: float) -> float:
+        """dq/d(offset) in N/mm at a displacement, by the smallest offsets to either side."""
+        size = min(abs(curve.offset) for curve in self.curves if curve.offset)
+        inner, outer = (
+            next(curve for curve in self.curves if curve.offset == sign * size)
+            for sign in (-1.0, 1.0)
+        )
+        return (outer.q(d) - inner.q(d)) / (2 * size)
+
+    def band(self, size: float) -> tuple[FloatArray, FloatArray]:
+        """Least and largest force in N at every displacement for offsets up to this size.
+
+        NaN where a curve within it does not reach.
+        """
+        inside = [curve for curve in self.curves if abs(curve.offset) <= size + 1e-12]
+        q = np.array([[curve.q(float(d)) for d in self.displacements] for curve in inside])
+        return q.min(axis=0), q.max(axis=0)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Sizes of the offsets in mm, increasing."""
+        return tuple(sorted({abs(curve.offset) for curve in self.curves if curve.offset}))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything in JSON types; what was not reached is None."""
+        return {
+            "name": self.design.problem.name,
+            "curves": [
+                {
+                    "offset": curve.offset,
+                    "level": finite_or_none(curve.level),
+                    "d": [] if curve.contact is None else [float(d) for d in curve.contact.d],
+                    "q": [] if curve.contact is None else [float(q) for q in curve.contact.q],
+                    "message": curve.message,
+                }
+                for curve in self.curves
+            ],
+            "control_points": [
+                {
+                    "d": point.d,
+                    "q_target": point.q,
+                    "q": [finite_or_none(curve.q(point.d)) for curve in self.curves],
+                    "sensitivity": finite_or_none(self.sensitivity(point.d)),
+                }
+                for point in self.points
+            ],
+        }
+
+
+def tolerance(
+    design: Design,
+    offsets: Sequence[float] = OFFSETS,
+    *,
+    points: int = 11,
+    elements_across: int = 4,
+    settings: ContactSettings | None = None,
+    threads: int | None = None,
+) -> Tolerance:
+    """Curves of a design whose surfaces are moved in and out, each with real contact.
+
+    Parameters
+    ----------
+    design : Design
+    offsets : sequence of float
+        Sizes in mm; each is taken outwards and inwards.
+    points : int
+        Displacements between the outermost control points (which are added, and zero).
+    elements_across
+        See `ngspring.solid.mesh.mesh_body.mesh_body`.
+    settings, threads
+        See `ngspring.solid.contact.response.contact_load_displacement`.
+
+    Raises
+    ------
+    ProblemError
+        If there is no offset, or one is not a positive length.
+    OutlineError
+        If the design itself has no clear outline. A solid that falls apart when its surface is
+        moved is reported in its curve instead.
+    """
+    if not len(offsets):
+        raise ProblemError("no offsets were given")
+    for offset in offsets:
+        if not (np.isfinite(offset) and 0 < offset < design.problem.L / 2):
+            raise ProblemError(
+                f"offset {shown(offset)} must be a positive length in mm, less than L / 2"
+            )
+    controls = [point.d for point in design.problem.control_points if not point.eta]
+    wanted = sorted({0.0, *controls, *map(float, curve_displacements(design, points=points))})
+    sizes = sorted(set(map(float, offsets)))
+    nominal = outline(design)
+    curves = []
+    for offset in [-size for size in reversed(sizes)] + [0.0, *sizes]:
+        try:
+            level = offset_level(design, offset, nominal)
+            body = mesh_body(design, level=level, elements_across=elements_across)
+        except OutlineError as error:
+            if offset == 0.0:
+                raise
+            curves.append(OffsetCurve(offset, float("nan"), None, str(error)))
+            continue
+        contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)
+        curves.append(OffsetCurve(offset, level, contact, contact.message))
+    return Tolerance(design, np.array(wanted), tuple(curves))
+
+
+def offset_level(design: Design, offset: float, nominal: Outline | None = None) -> float:
+    """The level of chi whose contour lies ``offset`` mm further out than chi = 0 on average.
+
+    Parameters
+    ----------
+    design : Design
+    offset : float
+        In mm, positive outwards.
+    nominal : Outline, optional
+        Of the design itself, if it is there already.
+
+    Raises
+    ------
+    OutlineError
+        If the design, or the solid with its surface moved, has no clear outline.
+    """
+    if offset == 0.0:
+        return 0.0
+    nominal = outline(design) if nominal is None else nominal
+    length, area = _surface_length(nominal), nominal.area
+    level = -8 * offset / design.problem.l_i
+    # Secant through level 0, where the surface has not moved: nearly linear, a few steps do.
+    for _ in range(_STEPS):
+        moved = (outline(design, level=level).area - area) / length
+        if abs(moved - offset) <= _ACCURACY * abs(offset):
+            break
+        level *= offset / moved
+    return level
+
+
+def _surface_length(solid: Outline) -> float:
+    pieces = (piece for loop in solid.loops for piece in loop.pieces if piece.name == SURFACE)
+    return sum(
+        float(np.linalg.norm(np.diff(piece.points, axis=0), axis=1).sum()) for piece in pieces
+    )

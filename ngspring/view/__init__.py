@@ -1,0 +1,1 @@
+"""What a person looks at: figures, films, ParaView files, the HTML report."""

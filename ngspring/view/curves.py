@@ -1,0 +1,107 @@
+"""Load-displacement curves with their targets."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ngspring.analysis.response import Response
+from ngspring.analysis.states import Curve
+from ngspring.design.design import Design
+from ngspring.problem.point import ControlPoint
+from ngspring.problem.spring import SpringProblem
+from ngspring.view.figure import LINES, SMALL, new_figure
+
+
+def response_figure(response: Response, problem: SpringProblem) -> Figure:
+    """Load-displacement curve with the targets of a problem; says so where it ends early."""
+    figure = new_figure(5.0, 3.8)
+    axes = figure.subplots()
+    draw_curve(axes, response, problem)
+    title = "\n".join([problem.name or "spring", *textwrap.wrap(response.message, 70)])
+    axes.set_title(title, fontsize=10 if response.complete else SMALL)
+    return figure
+
+
+def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:
+    """Draw q(d) and the target points; several curves come by their names."""
+    curves = response if isinstance(response, Mapping) else {"response": response}
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.axvline(0, color="0.7", linewidth=0.8)
+    for k, (name, curve) in enumerate(curves.items()):
+        axes.plot(
+            curve.d, curve.q, color="black", linewidth=1.3, linestyle=LINES[k % 4], label=name
+        )
+    plain, offset = control_points_by_kind(problem)
+    for points, fill, name in ((plain, "0.6", "target"), (offset, "none", "target, offset chi")):
+        if points:
+            axes.plot(
+                [point.d for point in points],
+                [point.q for point in points],
+                linestyle="none",
+                marker="o" if fill != "none" else "s",
+                markersize=6 if fill != "none" else 9,
+                markerfacecolor=fill,
+                markeredgecolor="black",
+                label=name,
+            )
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("q [N]")
+    axes.grid(color="0.92")
+    axes.margins(0.06)
+    axes.legend(fontsize=SMALL, loc="upper left")
+
+
+def control_points_by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
+    """Control points of the blueprint design, and those with an offset of chi."""
+    plain = [point for point in problem.control_points if not point.eta]
+    return plain, [point for point in problem.control_points if point.eta]
+
+
+def curves_figure(
+    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
+) -> Figure:
+    """Curves of many designs with their target points in one diagram (Figs. 4 and 6).
+
+    Parameters
+    ----------
+    designs : mapping from name to Design
+        None for one that is missing; it is named in the diagram.
+    responses : mapping from name to Response
+        Of the designs that are there.
+    """
+    figure = new_figure(5.6, 4.8)
+    axes = figure.subplots()
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.axvline(0, color="0.7", linewidth=0.8)
+    for k, (name, design) in enumerate(designs.items()):
+        if design is None:
+            continue
+        response = responses[name]
+        grey = str(0.45 * (k % 2))
+        axes.plot(response.d, response.q, color=grey, linestyle=LINES[k % 4], linewidth=1.3)
+        points = control_points_by_kind(design.problem)[0]
+        places = [point.d for point in points], [point.q for point in points]
+        axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
+        last = max(points, key=lambda point: abs(point.d))
+        axes.annotate(
+            name,
+            (last.d, last.q),
+            xytext=(math.copysign(7, last.d), 0),
+            textcoords="offset points",
+            ha="left" if last.d > 0 else "right",
+            va="center",
+            fontsize=SMALL + 1,
+        )
+    missing = [name for name, design in designs.items() if design is None]
+    if missing:
+        axes.set_title(f"not in the gallery: {', '.join(missing)}", fontsize=SMALL)
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("q [N]")
+    axes.grid(color="0.92")
+    axes.margins(0.11, 0.06)
+    return figure

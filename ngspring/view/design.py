@@ -1,0 +1,145 @@
+"""Pictures of runs, designs and curves, arranged as in the paper.
+
+Figures are plain matplotlib objects on the Agg canvas; no graphical backend is selected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.special import expit
+
+from ngspring.analysis.states import interpolation
+from ngspring.basics.arrays import FloatArray
+from ngspring.design.design import Design
+from ngspring.problem.spring import SpringProblem
+from ngspring.view.figure import SMALL, new_figure
+from ngspring.view.text import width_symbol
+
+_CELLS = 320
+_VOID = 0.02
+
+
+# -- convergence (Fig. 3) --------------------------------------------------------------------------
+
+
+# -- load-displacement curve -----------------------------------------------------------------------
+
+
+# -- design (Fig. 5) -------------------------------------------------------------------------------
+
+
+def draw_design(
+    axes: Axes, design: Design, displacement: FloatArray | None = None, eta: float = 0.0
+) -> tuple[float, float]:
+    """Draw rho in grey on the deformed body; void (rho < 0.02) is left out.
+
+    Parameters
+    ----------
+    axes : Axes
+    design : Design
+    displacement : array (2, 2 N + 1, 2 N + 1), optional
+        From `ngspring.analysis.states.full_displacement`; undeformed without it.
+    eta : float
+        Offset of chi.
+
+    Returns
+    -------
+    left, right : float
+        Extent of the solid in x, in mm.
+    """
+    problem = design.problem
+    cells = max(2, math.ceil(_CELLS / problem.elements)) * problem.elements
+    x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
+    place_x, place_y = np.meshgrid(x, y, indexing="ij")
+    if displacement is not None:
+        mesh = (displacement.shape[1] - 1) // 2
+        fine = interpolation(mesh, np.linspace(0, mesh, cells + 1))
+        place_x = place_x + fine @ displacement[0] @ fine.T
+        place_y = place_y + fine @ displacement[1] @ fine.T
+    middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
+    chi = design.chi(middle_x[:, None], middle_y[None, :]) + eta
+    rho = 1 / (1 + np.exp(-np.clip(chi, -100, 100)))
+    axes.pcolormesh(
+        place_x,
+        place_y,
+        np.ma.masked_less(rho, _VOID),
+        cmap="Greys",
+        vmin=0,
+        vmax=1.15,
+        edgecolors="none",
+        antialiased=False,
+        rasterized=True,
+    )
+    axes.set_aspect("equal")
+    solid = place_x[:-1, :-1][rho > 0.5]
+    return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
+
+
+def ratio_text(design: Design) -> str:
+    """Equivalent width (diameter) over height, for a title."""
+    problem = design.problem
+    return f"{width_symbol(problem)} = {design.equivalent_width / problem.H:.4f}"
+
+
+def density_figure(design: Design) -> Figure:
+    """The density rho of a design with its scale and the symmetry axes (Fig. 2)."""
+    problem = design.problem
+    figure = new_figure(4.6, 4.0)
+    axes = figure.subplots()
+    x, y = (np.linspace(0, size, _CELLS + 1) for size in (problem.L, problem.H))
+    rho = design.density((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
+    image = axes.pcolormesh(x, y, rho.T, cmap="Greys", vmin=0, vmax=1, rasterized=True)
+    figure.colorbar(image, ax=axes, label="density ρ", shrink=0.8, ticks=[0, 0.25, 0.5, 0.75, 1])
+    axes.axvline(problem.L / 2, color="0.5", linewidth=0.8, linestyle="-.")
+    axes.axhline(problem.H / 2, color="0.5", linewidth=0.8, linestyle="-.")
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel("y [mm]")
+    axes.set_title(ratio_text(design), fontsize=10)
+    return figure
+
+
+# -- erosion and dilation (Fig. 15) ----------------------------------------------------------------
+
+
+def offsets_figure(
+    x: FloatArray, chi: FloatArray, problem: SpringProblem, offsets: Sequence[float]
+) -> Figure:
+    """chi and rho along a line, and the stiffness E of chi + eta for some offsets (Fig. 15)."""
+    figure = new_figure(5.6, 6.2)
+    above, middle, below = axes = figure.subplots(3, 1, sharex=True)
+    above.plot(x, chi, color="black", linewidth=1.3)
+    above.axhline(0, color="0.7", linewidth=0.8)
+    above.set_ylabel("χ")
+    middle.plot(x, expit(chi), color="black", linewidth=1.3)
+    middle.set_ylabel("ρ(χ)")
+    for eta in offsets:
+        kind, line = ("dilated", "-.") if eta > 0 else ("eroded", "--")
+        if not eta:
+            kind, line = "blueprint", "-"
+        below.plot(
+            x,
+            ramp(chi + eta, problem),
+            color="0.35" if eta else "black",
+            linewidth=1.3,
+            linestyle=line,
+            label=f"η = {eta:g} ({kind})",
+        )
+    below.set_ylabel("E(χ + η)")
+    below.set_xlabel("x [mm]")
+    below.legend(fontsize=SMALL)
+    for ax in axes:
+        ax.grid(color="0.92")
+    figure.align_ylabels(list(axes))
+    return figure
+
+
+def ramp(chi: FloatArray, problem: SpringProblem) -> FloatArray:
+    """E(chi) of Eq. 3 for plain arrays; `ngspring.physics.energies.stiffness` is for NGSolve."""
+    rho = expit(chi)
+    return np.asarray(problem.E_0 + (1 - problem.E_0) * rho / (1 + problem.p * (1 - rho)))

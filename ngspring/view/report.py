@@ -1,0 +1,381 @@
+"""The report of a run or a design: one HTML file that needs nothing but a browser.
+
+It is made from what is stored; no equilibrium is computed, so it takes about a second and may be
+written again and again while the run goes on.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+
+from ngspring.basics.errors import RunFolderError
+from ngspring.basics.files import PathLike, write_text
+from ngspring.design.design import Design
+from ngspring.design.history import History
+from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
+from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
+from ngspring.problem.point import worst_deviation
+from ngspring.problem.spring import SpringProblem
+from ngspring.view.design import density_figure
+from ngspring.view.html import badge, numbers, page, picture, table
+from ngspring.view.run import convergence_figure, forces_figure, reached_figure
+from ngspring.view.text import deviation, duration, width_symbol
+
+if TYPE_CHECKING:
+    from ngspring.evolution.updates import Update
+
+logger = logging.getLogger(__name__)
+
+REPORT = "report.html"
+#: A browser loads the report of a running run again after so many seconds.
+REFRESH = 10
+_ROWS = 12
+_NO_NUMBER = "–"
+_MARGINS = (0.12, 0.12, 0.97, 0.93)
+
+
+def write_report(state: RunState | Design, path: PathLike, refresh: int = REFRESH) -> None:
+    """Write the report of a run or a design atomically.
+
+    Parameters
+    ----------
+    state : RunState or Design
+        See `ngspring.read_run`.
+    path : path
+    refresh : int
+        Seconds after which a browser loads the file again, while the run goes on.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be written.
+    """
+    state = stored_state(state) if isinstance(state, Design) else state
+    write_text(path, report_page(state, refresh))
+
+
+def report_page(state: RunState, refresh: int = REFRESH) -> str:
+    """The report as HTML text."""
+    problem, history = state.design.problem, state.design.history
+    history = history if history is not None and len(history) else None
+    name = problem.name or "spring"
+    parts = [f"<header><h1>{_title(name, state)}</h1>{_lead(state)}</header>", "<main>"]
+    parts.append(_summary(state, history))
+    parts += ["<h2>Targets</h2>", targets_table(state)]
+    parts += ["<h2>Design and load-displacement curve</h2>", _pictures(state, history)]
+    if history is not None:
+        parts += ["<h2>Convergence</h2>", _convergence(history, problem)]
+        parts += ["<h2>Last design updates</h2>", history_table(history, problem)]
+    parts += ["<h2>Problem</h2>", problem_table(problem, state.design.info), "</main>"]
+    parts.append(_footer())
+    return page(f"{name}: {state.status}", parts, refresh if state.going_on else None)
+
+
+def _title(name: str, state: RunState) -> str:
+    """The name of a spring with the status of its run, as HTML."""
+    return f"{escape(name)} {badge(state.status)}"
+
+
+def _lead(state: RunState) -> str:
+    problem = state.design.problem
+    lines = [f"{problem.kinematics}, {problem.elements} × {problem.elements} elements"]
+    if state.reason:
+        lines.append(state.reason)
+    return f"<p>{escape('; '.join(lines))}</p>"
+
+
+def _footer() -> str:
+    from ngspring import __version__
+
+    now = time.strftime("%Y-%m-%d %H:%M:%S %Z")
+    return (
+        f"<footer>Written by ngspring {__version__} on {now}. Lengths in mm, forces in N, stresses"
+        " in MPa; tension is positive.</footer>"
+    )
+
+
+# -- numbers ---------------------------------------------------------------------------------------
+
+
+def _summary(state: RunState, history: History | None) -> str:
+    design = state.design
+    cards = [(width_symbol(design.problem), f"{design.equivalent_width / design.problem.H:.4f}")]
+    cards.append(("volume V", f"{design.volume:.1f} mm³"))
+    note = ""
+    if history is not None:
+        dt = history.last()["dt"]
+        cards.append(("design updates", str(len(history) - 1)))
+        cards.append(("Newton iterations", str(history.newton_iterations)))
+        cards.append(("dt", "∞" if np.isinf(dt) else f"{dt:.1e}"))
+        cards.append(("elapsed", duration(state.elapsed or 0.0)))
+        if state.evolving:
+            cards.append(("time left (estimate)", time_left_text(history, design.problem)))
+            note = (
+                "<p>The time left is an estimate: from the dt reached, the time that the last"
+                f" design updates took, and stored runs, which took about {TYPICAL_UPDATES} design"
+                " updates. In the second half of their time it was within a factor of four for"
+                " them, in the first half up to ten times too low; for runs that continue from a"
+                " finished design it was up to twenty times too high.</p>"
+            )
+    symbol = width_symbol(design.problem)
+    kind = "diameter" if design.problem.motion.axis else "width"
+    legend = (
+        f"<p>{symbol}: {kind} of a straight column with the same volume, over the height. C: the"
+        " objective. dt: pseudo-time step of the evolution, infinite once the design is"
+        " stationary. η: offset of the design field χ, 0 for the part itself.</p>"
+    )
+    return numbers(cards) + note + legend
+
+
+def time_left_text(history: History, problem: SpringProblem) -> str:
+    """The estimate of the time left in words, no more exact than it is."""
+    seconds = seconds_left(history, problem)
+    if seconds is None:
+        return "not known yet"
+    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 1.5 * size:
+            value = seconds / size
+            return f"about {value:.1f} {unit}" if value < 3 else f"about {value:.0f} {unit}"
+    return f"about {max(1, round(seconds, -1 if seconds > 20 else 0)):.0f} s"
+
+
+def targets_table(state: RunState) -> str:
+    """Targets, reached forces and deviations."""
+    points, forces = state.design.problem.control_points, state.forces
+    rows = []
+    for j, point in enumerate(points):
+        found = (_NO_NUMBER, _NO_NUMBER)
+        if forces is not None:
+            found = (f"{forces[j]:.4f}", deviation(forces[j], point.q))
+        rows.append((f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *found))
+    header = ("d [mm]", "offset η", "target q [N]", "reached q [N]", "deviation")
+    return table(header, rows)
+
+
+def history_table(history: History, problem: SpringProblem) -> str:
+    """The last rows of the history, the newest first."""
+    forces = [
+        f"q{j}" for j in range(1, len(problem.control_points) + 1) if f"q{j}" in history.columns
+    ]
+    header = ["update", "dt", "Newton", "rejected", "C", width_symbol(problem)]
+    header += [f"q at {p.d:g} mm [N]" for p in problem.control_points[: len(forces)]]
+    rows = []
+    for row in reversed(history.rows()[-_ROWS:]):
+        dt = "∞" if np.isinf(row["dt"]) else f"{row['dt']:.1e}"
+        cells = [f"{row['update']:.0f}", dt, f"{row['newton_iterations']:.0f}"]
+        cells += [f"{row['rejected']:.0f}", f"{row['C']:.4e}", f"{row['width']:.4f}"]
+        cells += [f"{row[name]:.4f}" for name in forces]
+        rows.append([*cells, duration(row["seconds"])])
+    return table([*header, "time"], rows)
+
+
+def problem_table(problem: SpringProblem, info: Mapping[str, object]) -> str:
+    """Mesh, material and weights."""
+    rows = [
+        ("kinematics", problem.kinematics),
+        ("analysed", "one quarter" if problem.quarter else "full domain"),
+        ("mesh over the full domain", f"{problem.elements} × {problem.elements} elements"),
+        ("L × H", f"{problem.L:g} × {problem.H:g} mm"),
+    ]
+    if not problem.motion.axis:
+        rows.append(("thickness T", f"{problem.T:g} mm"))
+    rows += [
+        ("bulk and shear modulus K, G", f"{problem.K:.4g}, {problem.G:.4g} MPa"),
+        ("interface width l_i", f"{problem.l_i:g} mm"),
+        ("weights k_ρ, k_i, k_H", f"{problem.k_rho:g}, {problem.k_i:g}, {problem.k_H:g}"),
+        ("void: E_0, k_r, p", f"{problem.E_0:g}, {problem.k_r:g}, {problem.p:g}"),
+    ]
+    if info.get("start"):
+        rows.append(("start", str(info["start"])))
+    return table(("quantity", "value"), rows)
+
+
+# -- pictures --------------------------------------------------------------------------------------
+
+
+def _pictures(state: RunState, history: History | None) -> str:
+    design, problem = state.design, state.design.problem
+    forces, curve = state.forces, state.curve
+    parts = [
+        picture(
+            "design",
+            density_figure(design),
+            f"Density of the design over {problem.L:g} by {problem.H:g} mm: black is solid,"
+            " white is void",
+            "Design: density ρ on the undeformed body (dash-dotted: symmetry axes).",
+        )
+    ]
+    known = "The load-displacement curve and the" if curve is not None else "The"
+    caption = f"{known} forces at the control points against their targets."
+    if state.going_on:
+        caption += " The whole curve is computed at the end of the run."
+    elif curve is None:
+        caption += " The whole curve has not been computed: ngspring response does it."
+    if curve is not None:
+        low, high = float(curve.d.min()), float(curve.d.max())
+        outside = [f"{p.d:g}" for p in problem.control_points if not low <= p.d <= high]
+        if outside:
+            caption += f" The curve ends before d = {', '.join(outside)} mm."
+    parts.append(
+        picture(
+            "curve",
+            reached_figure(problem, forces, curve, history),
+            "Diagram of force q in N against displacement d in mm with "
+            + _forces_text(problem, forces),
+            caption,
+            margins=_MARGINS,
+        )
+    )
+    if state.states is not None:
+        # Many panels in a row: it needs the whole width.
+        states = picture(
+            "states",
+            state.states,
+            "The design undeformed and deformed at each control point, and its"
+            " load-displacement curve",
+            "The design undeformed and deformed at the control points.",
+        )
+        return f'<div class="pictures">{"".join(parts)}</div><div class="wide">{states}</div>'
+    return f'<div class="pictures">{"".join(parts)}</div>'
+
+
+def _forces_text(problem: SpringProblem, forces: Sequence[float] | None) -> str:
+    texts = []
+    for j, point in enumerate(problem.control_points):
+        reached = "" if forces is None else f", reached {forces[j]:.4g} N"
+        texts.append(f"target {point.q:g} N at {point.d:g} mm{reached}")
+    return "; ".join(texts)
+
+
+def _convergence(history: History, problem: SpringProblem) -> str:
+    symbol = width_symbol(problem)
+    parts = [
+        picture(
+            "convergence",
+            convergence_figure(history, problem),
+            f"Four diagrams over design updates: time step dt, objective C, its control-point"
+            f" terms, and {symbol}, which is now {history.last()['width']:.4f}",
+            f"dt, the objective C, its control-point terms and the volume as {symbol} over the"
+            " design updates.",
+            dpi=90,
+            margins=(0.14, 0.07, 0.97, 0.94),
+        ),
+        picture(
+            "forces",
+            forces_figure(history, problem),
+            "Diagram of the forces at the control points over design updates",
+            "Forces at the control points over the design updates.",
+            margins=_MARGINS,
+        ),
+    ]
+    return f'<div class="pictures">{"".join(parts)}</div>'
+
+
+# -- several runs ----------------------------------------------------------------------------------
+
+
+def write_index(
+    runs: Iterable[tuple[str, RunState | str]],
+    path: PathLike,
+    name: str,
+    links: bool = True,
+    refresh: int | None = None,
+) -> None:
+    """Write one row per run of a campaign.
+
+    Parameters
+    ----------
+    runs : iterable of (name, RunState or str)
+        A string says why a run cannot be read.
+    path : path
+    name : str
+        Of the campaign.
+    links : bool
+        Whether each run's own report is in its folder, beside the index.
+    refresh : int, optional
+        Seconds after which a browser loads the file again.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be written.
+    """
+    runs = list(runs)
+    rows = []
+    for run, state in runs:
+        linked = links and isinstance(state, RunState)
+        title = f'<a href="{quote(run)}/{REPORT}">{escape(run)}</a>' if linked else escape(run)
+        rows.append((title, *_index_cells(state)))
+    header = ("run", "status", "updates", "dt", "W/H or D/H", "largest deviation", "elapsed")
+    going_on = [run for run, state in runs if isinstance(state, RunState) and state.going_on]
+    ended = len(runs) - len(going_on)
+    parts = [f"<header><h1>{escape(name)}</h1>"]
+    parts.append(f"<p>{len(runs)} runs begun, {ended} of them ended.</p></header><main>")
+    parts.append(table((*header, "time left (estimate)"), rows, raw=True))
+    parts += ["</main>", _footer()]
+    text = page(f"{name}: {len(going_on)} running", parts, refresh)
+    write_text(Path(path), text)
+
+
+def _index_cells(state: RunState | str) -> tuple[str, ...]:
+    if isinstance(state, str):
+        return state, *[_NO_NUMBER] * 6
+    design, history, forces = state.design, state.design.history, forces_of(state.design)
+    width = f"{design.equivalent_width / design.problem.H:.4f}"
+    far = worst_deviation(design.problem.control_points, forces or ())
+    worst = _NO_NUMBER if far is None else f"{100 * far:.3f} %"
+    status = f"{state.status}: {state.reason}" if state.reason else state.status
+    if history is None or not len(history):
+        return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER
+    dt = history.last()["dt"]
+    left = time_left_text(history, design.problem) if state.evolving else _NO_NUMBER
+    size = "∞" if np.isinf(dt) else f"{dt:.1e}"
+    time_taken = duration(state.elapsed or 0.0)
+    return status, str(len(history) - 1), size, width, worst, time_taken, left
+
+
+# -- while a run goes on ---------------------------------------------------------------------------
+
+
+class ReportWriter:
+    """Observer for `ngspring.optimize` that keeps the report of the run up to date.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    interval : float
+        Fewest seconds between two writings. Writing takes at most a fiftieth of the run's time,
+        whatever the interval.
+
+    Examples
+    --------
+    >>> writer = ReportWriter("runs/C7/report.html")  # doctest: +SKIP
+    >>> ngspring.optimize(problem, observers=[writer])  # doctest: +SKIP
+    """
+
+    def __init__(self, path: PathLike, interval: float = REFRESH) -> None:
+        self.path = Path(path)
+        self.interval = interval
+        self._next = 0.0
+
+    def __call__(self, update: Update) -> None:
+        """Take in a design update."""
+        begin = time.monotonic()
+        if not update.accepted or begin < self._next:
+            return
+        try:
+            write_report(RunState(update.design, RUNNING, updated=time.time()), self.path)
+        except RunFolderError as error:
+            # A report is no reason to lose a run.
+            logger.warning("%s", error)
+        end = time.monotonic()
+        self._next = end + max(self.interval, 50 * (end - begin))

@@ -1,0 +1,177 @@
+"""Pictures of a run that goes on: forces against their targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ngspring.analysis.states import Curve
+from ngspring.basics.arrays import FloatArray
+from ngspring.design.history import History
+from ngspring.problem.spring import SpringProblem
+from ngspring.view.curves import draw_curve
+from ngspring.view.figure import LINES, SMALL, new_figure
+from ngspring.view.text import point_label, width_symbol
+
+_SMALL = 8
+_MARKERS = "osv^D"
+
+
+def reached_figure(
+    problem: SpringProblem,
+    forces: list[float] | None = None,
+    curve: Curve | None = None,
+    history: History | None = None,
+) -> Figure:
+    """Targets and reached forces in the load-displacement diagram, with the curve if it is known.
+
+    Parameters
+    ----------
+    problem : SpringProblem
+    forces : list of float, optional
+        Forces in N at the control points.
+    curve : Curve, optional
+    history : History, optional
+        Forces of earlier design updates become faint dots.
+    """
+    figure = new_figure(5.4, 4.3)
+    axes = figure.subplots()
+    draw_curve(axes, {} if curve is None else {"curve": curve}, problem)
+    points = problem.control_points
+    targets = [point.q for point in points]
+    now = targets if forces is None else [*targets, *forces]
+    low, high = min(0.0, *now), max(0.0, *now)
+    if curve is not None:
+        low, high = min(low, float(curve.q.min())), max(high, float(curve.q.max()))
+    margin = 0.12 * (high - low)
+    if history is not None:
+        _draw_earlier(axes, problem, history)
+    if forces is not None:
+        axes.plot(
+            [point.d for point in points],
+            forces,
+            "x",
+            color="black",
+            markersize=9,
+            markeredgewidth=1.8,
+            label="reached",
+            zorder=4,
+        )
+    # The first designs are often far off: what counts is what is near the targets.
+    axes.set_ylim(low - margin, high + margin)
+    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.set_title(f"{problem.name or 'spring'}: force against displacement", fontsize=10)
+    return figure
+
+
+def _draw_earlier(axes: Axes, problem: SpringProblem, history: History) -> None:
+    shades = np.linspace(0.85, 0.45, len(history))
+    name: str | None = "earlier updates"
+    for j, point in enumerate(problem.control_points, start=1):
+        if f"q{j}" not in history.columns:
+            continue
+        places = np.full(len(history), point.d)
+        colors = np.repeat(shades[:, None], 3, axis=1)
+        axes.scatter(places, history[f"q{j}"], s=9, c=colors, zorder=3, label=name)
+        name = None
+
+
+def forces_figure(history: History, problem: SpringProblem) -> Figure:
+    """Reached forces over the design updates, with the targets as thin lines."""
+    figure = new_figure(5.4, 4.3)
+    axes = figure.subplots()
+    update = history["update"]
+    values = [point.q for point in problem.control_points]
+    for j, point in enumerate(problem.control_points):
+        if f"q{j + 1}" not in history.columns:
+            continue
+        q = history[f"q{j + 1}"]
+        values.append(float(q[-1]))
+        axes.axhline(point.q, color="0.6", linewidth=0.8)
+        axes.plot(
+            update,
+            q,
+            color=str(0.15 * (j % 5)),
+            linestyle=LINES[j % 4],
+            marker=_MARKERS[j % 5],
+            markersize=3.5,
+            markevery=max(1, len(update) // 25),
+            linewidth=1.2,
+            label=point_label(point),
+        )
+    low, high = min(0.0, *values), max(0.0, *values)
+    # The first designs may be off by an order of magnitude. At the top there is the legend.
+    size = high - low
+    axes.set_ylim(low - 0.15 * size, high + 0.3 * size)
+    axes.set_xlim(0, max(1.0, float(update[-1])) * 1.02)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("design update")
+    axes.set_ylabel("q [N]")
+    axes.set_title("forces at the control points; thin lines: targets", fontsize=10)
+    axes.grid(color="0.92")
+    axes.legend(fontsize=_SMALL, loc="upper right", ncols=min(3, len(problem.control_points)))
+    return figure
+
+
+def convergence_figure(history: History, problem: SpringProblem) -> Figure:
+    """dt, C, each C_q and the equivalent width against design updates (Fig. 3)."""
+    figure = new_figure(6.4, 7.6)
+    axes: Sequence[Axes] = figure.subplots(4, 1, sharex=True)
+    update, dt = history["update"], history["dt"]
+    _draw_log(axes[0], update, dt, "dt", color="black", marker=".")
+    if np.isinf(dt).any():
+        last = float(update[np.isinf(dt)][-1])
+        axes[0].axvline(last, color="0.4", linestyle=":", linewidth=1)
+        axes[0].annotate(
+            "dt = ∞",
+            (last, 0.08),
+            xycoords=("data", "axes fraction"),
+            xytext=(-4, 0),
+            textcoords="offset points",
+            ha="right",
+            fontsize=SMALL,
+        )
+    _draw_log(axes[1], update, history["C"], "C", color="black", marker=".")
+    for j, point in enumerate(problem.control_points):
+        _draw_log(
+            axes[2],
+            update,
+            history[f"C_q{j + 1}"],
+            "C$_q$",
+            color=str(0.15 * (j % 5)),
+            linestyle=LINES[j % 4],
+            marker="osv^D"[j % 5],
+            markersize=3,
+            markevery=max(1, len(update) // 25),
+            label=point_label(point),
+        )
+    axes[2].legend(fontsize=SMALL, loc="upper right")
+    axes[3].plot(update, history["width"], color="black", marker=".", markersize=3, linewidth=1)
+    axes[3].set_ylabel(f"V as {width_symbol(problem)}")
+    axes[3].set_xlabel("design update")
+    axes[3].xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes[3].set_xlim(0, max(1.0, float(update[-1])) * 1.02)
+    for ax in axes:
+        ax.grid(color="0.9")
+    figure.align_ylabels(list(axes))
+    last_width = history.last()["width"]
+    figure.suptitle(
+        f"{problem.name or 'spring'}: {len(history) - 1} design updates,"
+        f" {history.newton_iterations} Newton iterations,"
+        f" {width_symbol(problem)} = {last_width:.4f}",
+        fontsize=10,
+    )
+    return figure
+
+
+def _draw_log(axes: Axes, x: FloatArray, y: FloatArray, name: str, **style: object) -> None:
+    shown = np.where(np.isfinite(y) & (y > 0), y, np.nan)
+    look = {"linewidth": 1, "markersize": 3, **style}
+    axes.plot(x, shown, **look)  # type: ignore[arg-type]
+    if np.isfinite(shown).any():
+        axes.set_yscale("log")
+    axes.set_ylabel(name)

@@ -1,0 +1,108 @@
+"""Picture of a spring's stability: critical modes, and the lowest eigenvalue along the path."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ngspring.analysis.stability import Critical, Stability
+from ngspring.analysis.states import interpolation
+from ngspring.basics.arrays import FloatArray
+from ngspring.design.design import Design
+from ngspring.view.design import draw_design
+from ngspring.view.figure import new_figure
+
+_MODE = "#c03030"
+_COLOURS = {"solid": "black", "grey": "0.6", "void": "white"}
+_SMALL = 8
+_CELLS = 160
+
+
+def stability_figure(design: Design, outcome: Stability) -> Figure:
+    """The critical states with their modes, and the lowest eigenvalue against d.
+
+    The state at the loss of stability is grey, the outline (chi = 0) of the same state plus the
+    critical mode is red. Eigenvalues are marked by where their mode lives: solid, grey or void.
+
+    Parameters
+    ----------
+    design : Design
+    outcome : Stability
+        Of this design.
+    """
+    count = len(outcome.critical)
+    figure = new_figure(3.4 * count + 4.4, 3.6)
+    axes = figure.subplots(1, count + 1, width_ratios=[3.4] * count + [4.4], squeeze=False)[0]
+    for panel, critical in zip(axes, outcome.critical, strict=False):
+        _draw_critical(panel, design, critical, outcome.eta)
+    _draw_eigenvalues(axes[-1], outcome)
+    figure.suptitle(design.problem.name or "spring", fontsize=10)
+    return figure
+
+
+def _draw_critical(axes: Axes, design: Design, critical: Critical, eta: float) -> None:
+    problem, mode = design.problem, critical.mode
+    state, shape = critical.point.u, mode.nodes
+    if problem.motion.axis:
+        state, shape = _both_halves(state), _both_halves(shape)
+    left, right = draw_design(axes, design, state, eta)
+    shifted = state + 0.06 * problem.H * shape
+    _outline(axes, design, state, eta, "0.3")
+    _outline(axes, design, shifted, eta, _MODE)
+    axes.set_xlim(min(0.0, left) - 0.08 * problem.L, max(problem.L, right) + 0.08 * problem.L)
+    axes.set_ylim(-0.04 * problem.H, problem.H * 1.04 + max(0.0, critical.d))
+    for side in (0.0, problem.H + critical.d):
+        axes.axhline(side, color="0.3", linewidth=0.8)
+    axes.set_title(
+        f"critical: d = {critical.d:.2f} mm, q = {critical.q:.3g} N\n"
+        f"{mode.symmetry_text}; {100 * mode.shares[0]:.0f} % in solid",
+        fontsize=_SMALL + 1,
+    )
+    axes.set_xlabel("mm", fontsize=_SMALL)
+    axes.tick_params(labelsize=_SMALL - 1)
+
+
+def _both_halves(field: FloatArray) -> FloatArray:
+    """The cross-section of a body of revolution from the half left of its axis."""
+    other = field[:, -2::-1] * np.array([-1.0, 1.0])[:, None, None]
+    return np.concatenate([field, other], axis=1)
+
+
+def _outline(axes: Axes, design: Design, displacement: FloatArray, eta: float, colour: str) -> None:
+    problem = design.problem
+    cells = max(1, math.ceil(_CELLS / problem.elements)) * problem.elements
+    mesh = (displacement.shape[1] - 1) // 2
+    fine = interpolation(mesh, np.linspace(0, mesh, cells + 1))
+    x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
+    chi = design.chi(x[:, None], y[None, :]) + eta
+    if chi.min() >= 0 or chi.max() <= 0:
+        return
+    place_x = x[:, None] + fine @ displacement[0] @ fine.T
+    place_y = y[None, :] + fine @ displacement[1] @ fine.T
+    axes.contour(place_x, place_y, chi, [0.0], colors=colour, linewidths=1.1)
+
+
+def _draw_eigenvalues(axes: Axes, outcome: Stability) -> None:
+    points = [*outcome.points, *(critical.point for critical in outcome.critical)]
+    points.sort(key=lambda point: point.d)
+    d = [point.d for point in points]
+    values = [point.lowest / outcome.rest for point in points]
+    kinds = [point.modes[0].kind for point in points]
+    axes.axhline(0, color="0.5", linewidth=0.8)
+    axes.plot(d, values, color="0.5", linewidth=1, zorder=1)
+    for x, y, kind in zip(d, values, kinds, strict=True):
+        axes.plot(x, y, "o", markersize=5, color=_COLOURS[kind], markeredgecolor="black")
+    for critical in outcome.critical:
+        axes.axvline(critical.d, color=_MODE, linewidth=1)
+    handles = [
+        Line2D([], [], linestyle="none", marker="o", color=_COLOURS[kind], markeredgecolor="black")
+        for kind in _COLOURS
+    ]
+    axes.legend(handles, [f"mode in {kind}" for kind in _COLOURS], fontsize=_SMALL)
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("lowest eigenvalue, relative to rest")
+    axes.grid(color="0.92")

@@ -1,0 +1,51 @@
+"""Names of things in pictures and tables."""
+
+from __future__ import annotations
+
+import math
+
+from ngspring.problem.point import ControlPoint
+from ngspring.problem.spring import SpringProblem
+
+
+def width_symbol(problem: SpringProblem) -> str:
+    """Name of the equivalent width: W/H (Eq. 20), or D/H for a cylinder (Eq. 25)."""
+    return "D/H" if problem.motion.axis else "W/H"
+
+
+def point_label(point: ControlPoint) -> str:
+    """Displacement of a control point, with the offset of chi if there is one."""
+    return f"d = {point.d:g} mm" + (f", η = {point.eta:g}" if point.eta else "")
+
+
+def number(value: float, form: str) -> str:
+    """A number in a table; a dash where there is none."""
+    return format(value, form) if math.isfinite(value) else "-"
+
+
+def signed_percent(share: float, digits: int) -> str:
+    """A share in percent with its sign, without one where it is rounded to 0; a dash for NaN."""
+    if not math.isfinite(share):
+        return "-"
+    text = f"{100 * share:+.{digits}f}"
+    return f"{text if float(text) else text[1:]} %"
+
+
+def duration(seconds: float) -> str:
+    """Seconds in the form 1:02:03, or 2:03."""
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def deviation(q: float, target: float) -> str:
+    """Deviation of a force from its target in percent."""
+    return signed_percent((q - target) / abs(target), 3) if target else f"{q:+.2e} N"
+
+
+def deviation_text(d: float, deviation: float, relative: float) -> str:
+    """The largest deviation in words: in N, in percent, and where."""
+    if not math.isfinite(d):
+        return "no deviation in force known"
+    share = f" ({signed_percent(relative, 1)})" if math.isfinite(relative) else ""
+    return f"{abs(deviation):.3g} N{share} at d = {d:g} mm"

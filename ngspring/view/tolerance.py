@@ -1,0 +1,57 @@
+"""Picture of what moved surfaces do to a curve."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ngspring.solid.tolerance import Tolerance
+from ngspring.view.figure import new_figure
+
+_SMALL = 8
+
+
+def tolerance_figure(outcome: Tolerance) -> Figure:
+    """The curve with a band for each size of offset, and the target points."""
+    figure = new_figure(5.2, 4.2)
+    axes = figure.subplots()
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.axvline(0, color="0.7", linewidth=0.8)
+    sizes = outcome.sizes
+    d = outcome.displacements
+    shades = np.linspace(0.62, 0.9, len(sizes))
+    for size, shade in reversed(list(zip(sizes, shades, strict=True))):
+        low, high = outcome.band(size)
+        axes.fill_between(
+            d, low, high, color=str(shade), linewidth=0, label=f"surfaces moved by ±{size:g} mm"
+        )
+    for curve in outcome.curves:
+        if curve.contact is None:
+            continue
+        nominal = curve.offset == 0.0
+        style = "-" if nominal else "--" if curve.offset < 0 else "-."
+        axes.plot(
+            curve.contact.d,
+            curve.contact.q,
+            color="black" if nominal else "0.35",
+            linewidth=1.5 if nominal else 0.7,
+            linestyle=style,
+            label="as designed" if nominal else None,
+        )
+    axes.plot(
+        [point.d for point in outcome.points],
+        [point.q for point in outcome.points],
+        "o",
+        markerfacecolor="white",
+        markeredgecolor="black",
+        label="target",
+    )
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("q [N]")
+    axes.set_title(
+        f"{outcome.design.problem.name or 'spring'}: dashed thinner, dash-dotted thicker",
+        fontsize=10,
+    )
+    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.margins(0.05)
+    return figure

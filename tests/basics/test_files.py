@@ -1,0 +1,392 @@
+"""A design file is read whole or refused in one line, and written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ngspring import ControlPoint, Design, DesignFileError, History, RunFolderError, SpringProblem
+from ngspring.basics.files import write_arrays, write_text
+
+PROBLEM = SpringProblem((ControlPoint(10, 2), ControlPoint(-20, -4)), elements=8, name="test")
+DESIGN = Design(
+    PROBLEM,
+    np.random.default_rng(0).uniform(-4, 4, PROBLEM.coefficient_shape),
+    History(("update", "dt"), np.array([[0.0, 0.0], [1.0, np.inf]])),
+    {"start": "column"},
+)
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("whole") / "design.npz"
+    DESIGN.save(path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def path(tmp_path: Path, content: bytes) -> Path:
+    path = tmp_path / "design.npz"
+    path.write_bytes(content)
+    return path
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scratch") / "design.npz"
+
+
+def parts_of(path: Path) -> dict[str, Any]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def refusal(path: Any) -> str:
+    """Return the one line with which the file is refused; it names the file."""
+    with pytest.raises(DesignFileError) as caught:
+        Design.load(path)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    assert str(path) in message
+    return message
+
+
+def is_test_design(design: Design) -> bool:
+    history = design.history
+    return (
+        design.problem == PROBLEM
+        and np.array_equal(design.coefficients, DESIGN.coefficients)
+        and dict(design.info) == dict(DESIGN.info)
+        and history is not None
+        and DESIGN.history is not None
+        and history.columns == DESIGN.history.columns
+        and np.array_equal(history.values, DESIGN.history.values)
+    )
+
+
+def assert_equal_or_refused(path: Path) -> None:
+    with contextlib.suppress(DesignFileError):
+        assert is_test_design(Design.load(path))
+
+
+# -- damaged files --------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=100)
+@given(share=st.floats(0, 1, exclude_max=True))
+def test_a_truncated_design_file_is_refused(content: bytes, scratch: Path, share: float) -> None:
+    scratch.write_bytes(content[: int(share * len(content))])
+    refusal(scratch)
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    places=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=4),
+    values=st.binary(min_size=4, max_size=4),
+)
+def test_a_design_file_with_wrong_bytes_is_refused_or_still_equal(
+    content: bytes, scratch: Path, places: list[float], values: bytes
+) -> None:
+    damaged = bytearray(content)
+    for place, value in zip(places, values, strict=False):
+        damaged[int(place * len(damaged))] = value
+    scratch.write_bytes(damaged)
+    assert_equal_or_refused(scratch)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    first=st.floats(0, 1), last=st.floats(0, 1), insert=st.binary(max_size=40) | st.just(b"\0" * 9)
+)
+def test_a_design_file_with_a_piece_replaced_is_refused_or_still_equal(
+    content: bytes, scratch: Path, first: float, last: float, insert: bytes
+) -> None:
+    i, j = sorted((int(first * len(content)), int(last * len(content))))
+    scratch.write_bytes(content[:i] + insert + content[j:])
+    assert_equal_or_refused(scratch)
+
+
+def test_every_byte_of_the_archive_s_directory_may_be_wrong(content: bytes, scratch: Path) -> None:
+    directory = content.index(b"PK\x01\x02")
+    for place in range(directory, len(content)):
+        damaged = bytearray(content)
+        damaged[place] ^= 0xFF
+        scratch.write_bytes(damaged)
+        assert_equal_or_refused(scratch)
+
+
+# -- files that are something else ----------------------------------------------------------------
+
+
+def test_a_design_of_another_version_says_which_version_it_is(path: Path) -> None:
+    parts = parts_of(path)
+    np.savez(path, **{**parts, "version": 99})
+    message = refusal(path)
+    assert "99" in message
+    assert "version" in message
+    np.savez(path, **{**parts, "version": 0})
+    assert "version" in refusal(path)
+
+
+@pytest.mark.parametrize("version", ["one", [1, 1], np.nan, [], 1j])
+def test_a_version_that_is_no_number_is_refused(path: Path, version: Any) -> None:
+    np.savez(path, **{**parts_of(path), "version": version})
+    assert "version" in refusal(path)
+
+
+def test_a_checkpoint_is_not_a_design(path: Path) -> None:
+    np.savez(path, **{**parts_of(path), "format": "ngspring-checkpoint"})
+    assert "not a design file" in refusal(path)
+
+
+def test_a_foreign_npz_is_not_a_design(path: Path) -> None:
+    np.savez(path, x=np.zeros(3))
+    assert "not a design file" in refusal(path)
+
+
+def test_a_foreign_npy_is_not_a_design(tmp_path: Path) -> None:
+    path = tmp_path / "array.npy"
+    np.save(path, np.zeros(3))
+    assert "not a design file" in refusal(path)
+
+
+@pytest.mark.parametrize("text", ["", "\n", "d = 10\nq = 2\n", "PK", "\x93NUMPY", "\x80\x04."])
+def test_text_is_not_a_design(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "spring.toml"
+    path.write_text(text, encoding="latin-1")
+    assert "not a design file" in refusal(path)
+
+
+def test_a_zip_archive_of_other_things_is_not_a_design(path: Path) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("format", "ngspring-design")
+        archive.writestr("readme.txt", "hello")
+    assert "not a design file" in refusal(path)
+
+
+def test_a_folder_is_not_a_design(tmp_path: Path) -> None:
+    assert "folder" in refusal(tmp_path)
+
+
+def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
+    assert "no file" in refusal(tmp_path / "nowhere" / "design.npz")
+    refusal(tmp_path / ("x" * 5000))
+
+
+def test_a_path_through_a_file_is_refused(path: Path) -> None:
+    refusal(path / "design.npz")
+
+
+@pytest.mark.parametrize("part", ["format", "version", "problem", "coefficients", "info"])
+def test_a_design_that_lacks_a_part_is_refused(path: Path, part: str) -> None:
+    parts = parts_of(path)
+    del parts[part]
+    np.savez(path, **parts)
+    refusal(path)
+
+
+WRONG_PARTS = {
+    "text": "x",
+    "file name": "x.toml",
+    "several lines": "a\nb",
+    "bytes": b"x",
+    "number": 3,
+    "nan": np.full((5, 4), np.nan),
+    "inf": np.full((5, 4), np.inf),
+    "complex": np.full((5, 4), 1j),
+    "empty": np.zeros((0, 4)),
+    "empty text": "",
+    "shape": np.zeros((4, 5)),
+    "texts": np.array(["a", "b", "c"]),
+    "dates": np.full((5, 4), np.datetime64("2023-01-01")),
+    "structured": np.zeros((5, 4), dtype=[("a", float), ("b", int)]),
+    "json": "[1, 2]",
+    "deep json": "[" * 100_000,
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS.keys())
+@pytest.mark.parametrize("part", ["problem", "coefficients", "info"])
+def test_a_design_with_a_wrong_part_is_refused(path: Path, part: str, wrong: Any) -> None:
+    np.savez(path, **{**parts_of(path), part: wrong})
+    refusal(path)
+
+
+@pytest.mark.parametrize("wrong", WRONG_PARTS.values(), ids=WRONG_PARTS.keys())
+@pytest.mark.parametrize("part", ["history", "history_columns"])
+def test_a_design_whose_history_does_not_fit_is_refused(path: Path, part: str, wrong: Any) -> None:
+    np.savez(path, **{**parts_of(path), part: wrong})
+    refusal(path)
+
+
+def test_a_design_whose_parts_are_not_arrays_is_refused(path: Path) -> None:
+    for part in ("problem", "coefficients", "info", "history", "history_columns"):
+        parts = parts_of(path)
+        del parts[part]
+        other = path.with_name(f"{part}.npz")
+        np.savez(other, **parts)
+        with zipfile.ZipFile(other, "a") as archive:
+            archive.writestr(part, b"not an array")
+        refusal(other)
+
+
+def test_a_design_whose_problem_is_not_valid_is_refused(path: Path) -> None:
+    parts = parts_of(path)
+    text = str(parts["problem"]).replace("elements = 8", "elements = 7")
+    np.savez(path, **{**parts, "problem": text})
+    assert "elements" in refusal(path)
+
+
+def test_a_design_file_never_reads_another_file(path: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text(PROBLEM.to_toml())
+    np.savez(path, **{**parts_of(path), "problem": str(other)})
+    refusal(path)
+
+
+# -- writing --------------------------------------------------------------------------------------
+
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@contextlib.contextmanager
+def file_size_limit(size: int) -> Iterator[None]:
+    """Let the system cut every file that this process writes at ``size`` bytes."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def assert_writing_fails_cleanly(path: Path, content: bytes, why: str) -> None:
+    changed = Design(PROBLEM, DESIGN.coefficients + 1)
+    with pytest.raises(RunFolderError) as caught:
+        changed.save(path)
+    message = str(caught.value)
+    assert str(path) in message
+    assert why in message
+    assert len(message.splitlines()) == 1
+    assert path.read_bytes() == content
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+def test_a_file_that_the_system_cuts_short_leaves_the_old_one(path: Path, content: bytes) -> None:
+    with file_size_limit(len(content) // 2):
+        assert_writing_fails_cleanly(path, content, os.strerror(errno.EFBIG))
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_full_disk_leaves_the_old_file(
+    path: Path, content: bytes, call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*args: object, **kwargs: object) -> None:
+        raise FULL
+
+    monkeypatch.setattr(os, call, fail)
+    assert_writing_fails_cleanly(path, content, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_in_the_middle_of_the_data_leaves_the_old_file(
+    path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole: Callable[[Path, bytes], int] = Path.write_bytes
+
+    def half(self: Path, data: bytes) -> int:
+        whole(self, data[: len(data) // 2])
+        raise FULL
+
+    monkeypatch.setattr(Path, "write_bytes", half)
+    assert_writing_fails_cleanly(path, content, os.strerror(errno.ENOSPC))
+
+
+def test_ctrl_c_while_writing_leaves_the_old_file(
+    path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        Design(PROBLEM, DESIGN.coefficients + 1).save(path)
+    monkeypatch.undo()
+    assert path.read_bytes() == content
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+def test_a_folder_that_may_not_be_written_to_is_named(
+    path: Path, content: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: object, **kwargs: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    # Not by chmod: root may write anywhere.
+    monkeypatch.setattr(tempfile, "mkstemp", refuse)
+    assert_writing_fails_cleanly(path, content, os.strerror(errno.EACCES))
+
+
+def test_writing_into_a_missing_folder_or_through_a_file_is_refused(path: Path) -> None:
+    for target in (path.parent / "nowhere" / "design.npz", path / "design.npz"):
+        with pytest.raises(RunFolderError, match=r"cannot write .*design\.npz"):
+            DESIGN.save(target)
+
+
+def test_writing_over_a_folder_is_refused_and_leaves_it(tmp_path: Path) -> None:
+    folder = tmp_path / "design.npz"
+    folder.mkdir()
+    with pytest.raises(RunFolderError, match="cannot write"):
+        DESIGN.save(folder)
+    assert folder.is_dir()
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_pipe_or_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    # As root, a design saved to /dev/null must not take the place of /dev/null.
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(RunFolderError):
+        DESIGN.save(pipe)
+    assert pipe.is_fifo()
+
+
+def test_a_written_file_has_the_permissions_of_any_other_new_file(tmp_path: Path) -> None:
+    DESIGN.save(tmp_path / "design.npz")
+    (tmp_path / "plain").touch()
+    modes = {entry.stat().st_mode for entry in tmp_path.iterdir()}
+    assert len(modes) == 1
+
+
+def test_text_is_written_as_utf_8_and_atomically(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "history.csv"
+    write_text(path, "χ,λ\n")
+    assert path.read_bytes() == "χ,λ\n".encode()
+
+    def fail(*args: object) -> None:
+        raise FULL
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(RunFolderError):
+        write_text(path, "other\n")
+    assert path.read_bytes() == "χ,λ\n".encode()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_would_need_pickle_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="pickle"):
+        write_arrays(tmp_path / "x.npz", {"format": "x", "thing": [object()]})
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,132 @@
+"""Elastic constants, hardness, and the table of elastomers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ngspring.basics.errors import ProblemError
+from ngspring.problem.material import (
+    ELASTOMERS,
+    bulk_and_shear_modulus,
+    find_elastomer,
+    moduli_from,
+    nu_advice,
+    young_and_poisson,
+    young_from_shore_A,
+)
+from ngspring.problem.spring import SpringProblem
+from ngspring.problem.targets.full_block import uniaxial_stress
+
+MODULI = st.floats(1e-6, 1e9)
+
+
+def test_the_paper_s_solid_has_one_megapascal_and_two_fifths() -> None:
+    assert young_and_poisson(SpringProblem.K, SpringProblem.G) == pytest.approx((1.0, 0.4))
+    assert bulk_and_shear_modulus(1.0, 0.4) == pytest.approx((5 / 3, 5 / 14))
+
+
+@given(E=MODULI, nu=st.floats(-0.99, 0.4999))
+def test_conversion_there_and_back(E: float, nu: float) -> None:
+    back = young_and_poisson(*bulk_and_shear_modulus(E, nu))
+    assert back[0] == pytest.approx(E, rel=1e-9)
+    assert back[1] == pytest.approx(nu, rel=1e-9, abs=1e-12)
+
+
+@given(E=st.floats(0.1, 10.0), nu=st.floats(0.0, 0.49))
+def test_a_bar_of_the_neo_hookean_solid_begins_with_slope_E(E: float, nu: float) -> None:
+    K, G = bulk_and_shear_modulus(E, nu)
+    t = 1e-5
+
+    def slope(axisymmetric: bool) -> float:
+        forth, back = (uniaxial_stress(1 + s * t, K, G, axisymmetric=axisymmetric) for s in (1, -1))
+        return (forth - back) / (2 * t)
+
+    assert slope(True) == pytest.approx(E, rel=1e-6)
+    assert slope(False) == pytest.approx(E / (1 - nu**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("nu", [0.5, 0.6, -1.0, float("nan"), "0.4", True, None])
+def test_nu_has_its_bounds(nu: Any) -> None:
+    with pytest.raises(ProblemError, match=r"^nu = "):
+        bulk_and_shear_modulus(1.0, nu)
+
+
+@pytest.mark.parametrize("E", [0.0, -1.0, float("inf"), "1"])
+def test_E_is_positive(E: Any) -> None:
+    with pytest.raises(ProblemError, match=r"^E = "):
+        bulk_and_shear_modulus(E, 0.4)
+
+
+@pytest.mark.parametrize(("K", "G"), [(0.0, 1.0), (1.0, -1.0)])
+def test_moduli_are_positive(K: float, G: float) -> None:
+    with pytest.raises(ProblemError, match="must be positive"):
+        young_and_poisson(K, G)
+
+
+def test_gent_s_relation_at_known_hardnesses() -> None:
+    # Worked by hand from the formula.
+    assert young_from_shore_A(50) == pytest.approx(0.0981 * 437.168 / (0.137505 * 127.0))
+    assert young_from_shore_A(50) == pytest.approx(2.456, abs=1e-3)
+    assert young_from_shore_A(30) == pytest.approx(1.142, abs=1e-3)
+
+
+@given(a=st.floats(1, 98), step=st.floats(0.1, 1.0))
+def test_harder_is_stiffer(a: float, step: float) -> None:
+    assert young_from_shore_A(a + step) > young_from_shore_A(a)
+
+
+@pytest.mark.parametrize("value", [0, 100, 120, -5, "50"])
+def test_hardness_has_its_bounds(value: Any) -> None:
+    with pytest.raises(ProblemError, match=r"^shore_A = "):
+        young_from_shore_A(value)
+
+
+@pytest.mark.parametrize("elastomer", ELASTOMERS, ids=lambda e: e.symbol)
+def test_the_table_is_consistent(elastomer: Any) -> None:
+    low, high = elastomer.shore_A
+    assert 0 < low < elastomer.typical < high < 100
+    assert find_elastomer(elastomer.name.upper()) is elastomer
+    assert find_elastomer(f" {elastomer.symbol.lower()}") is elastomer
+
+
+def test_an_unknown_material_names_the_nearest() -> None:
+    with pytest.raises(ProblemError, match=r"did you mean 'silicone'\?"):
+        find_elastomer("silicon")
+
+
+def test_a_material_is_described_in_one_way() -> None:
+    assert moduli_from({"K": 1.0, "L": 3.0}) is None
+    assert moduli_from({"E": 2.0}) == pytest.approx(bulk_and_shear_modulus(2.0, 0.4))
+    assert moduli_from({"E": 2, "nu": 0.3}) == pytest.approx(bulk_and_shear_modulus(2.0, 0.3))
+    of_hardness = bulk_and_shear_modulus(young_from_shore_A(40), 0.45)
+    assert moduli_from({"shore_A": 40, "nu": 0.45}) == pytest.approx(of_hardness)
+    assert moduli_from({"material": "NR", "shore_A": 40, "nu": 0.45}) == of_hardness
+    typical = bulk_and_shear_modulus(young_from_shore_A(50), 0.4)
+    assert moduli_from({"material": "natural rubber"}) == typical
+
+
+@pytest.mark.parametrize(
+    ("described", "part"),
+    [
+        ({"E": 1, "K": 1}, "described twice, by E and by K"),
+        ({"nu": 0.4, "G": 1}, "described twice, by nu and by G"),
+        ({"nu": 0.4}, "nu is given without"),
+        ({"E": 1, "shore_A": 50}, "described twice, by E and by shore_A"),
+        ({"E": 1, "material": "NR"}, "described twice, by E and by material"),
+        ({"material": 3}, "there is no material"),
+        ({"shore_A": "soft"}, "shore_A = 'soft'"),
+        ({"E": "1 MPa"}, "E = '1 MPa'"),
+    ],
+)
+def test_contradictory_materials_are_refused(described: dict[str, Any], part: str) -> None:
+    with pytest.raises(ProblemError, match=part):
+        moduli_from(described)
+
+
+def test_only_nearly_incompressible_solids_get_advice() -> None:
+    assert nu_advice(0.45) == ""
+    assert "lock" in nu_advice(0.49)

@@ -1,0 +1,110 @@
+"""Which points of a surface are inside which part of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from support.contact_bodies import two_blocks
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.solid.contact.contact import Contact, ContactLaw, lobatto
+from ngspring.solid.contact.pairs import PairSearch
+from ngspring.solid.contact.surface import Surface, free_surface, outward, shapes, slopes
+
+#: Nodes in micrometres of the tip of a flat hole that has folded on itself, as an analysis found
+#: it: solid left of the line, the tip at (-101.8, 30.2), and the two flanks a micrometre inside
+#: each other.
+FOLD = np.array(
+    [
+        [112.69, -29.97],
+        [84.19, -19.37],
+        [56.09, -8.47],
+        [30.29, -3.21],
+        [4.5, -0.28],
+        [-16.4, 2.57],
+        [-36.42, 5.62],
+        [-54.31, 8.87],
+        [-69.64, 15.82],
+        [-84.9, 23.17],
+        [-101.85, 30.18],
+        [-75.0, 17.21],
+        [-53.96, 7.15],
+        [-26.29, 3.5],
+        [2.29, -0.68],
+        [35.9, -1.97],
+        [69.32, 0.55],
+        [107.21, 10.04],
+        [144.95, 19.69],
+    ]
+)
+
+
+def fold() -> Surface:
+    """The fold, and a long edge far from it, as there is in a mesh that is fine in the tip."""
+    far = np.array([[5e3, 5e3], [3e3, 5e3], [1e3, 5e3]])
+    nodes = 2 * np.arange(len(FOLD) // 2)[:, None] + np.arange(3)
+    nodes = np.concatenate([nodes, [len(FOLD) + np.arange(3)]])
+    rest = 1e-3 * np.concatenate([FOLD, far])
+    return Surface(nodes, rest, sp.csr_matrix((len(rest),) * 2), np.zeros((len(nodes), 2), bool))
+
+
+def feet(surface: Surface, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Gap of each point by looking at many places of every edge; 0 where it is inside of none."""
+    gaps = np.zeros(len(points))
+    s = np.linspace(0, 1, 20001)
+    for nodes in surface.nodes:
+        x, t = shapes(s) @ surface.rest[nodes], slopes(s) @ surface.rest[nodes]
+        n = outward(t) / np.linalg.norm(t, axis=1)[:, None]
+        for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+            i = int(np.argmin(((point - x) ** 2).sum(1)))
+            gap = (point - x[i]) @ n[i]
+            inside = 0 < i < len(s) - 1 and gap < -1e-6 and n[i] @ normal < -0.5
+            if inside and (gaps[k] == 0.0 or gap > gaps[k]):
+                gaps[k] = gap
+    return gaps
+
+
+def test_no_point_inside_a_sharp_fold_is_lost() -> None:
+    """The edges that are nearest to a point in a fold are not always the ones it is inside of."""
+    surface = fold()
+    s, _ = lobatto(6)
+    points = surface.at(surface.rest, s).reshape(-1, 2)
+    normals = outward(surface.slopes_at(surface.rest, s)).reshape(-1, 2)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    expected = feet(surface, points, normals)
+    pairs = PairSearch(surface, s).find(surface.rest)
+    found = np.zeros(len(points))
+    found[pairs.point] = np.minimum(pairs.gap, 0.0)
+    inside = expected < 0.0
+    assert inside.sum() > 20
+    np.testing.assert_allclose(found[inside], expected[inside], atol=1e-7)
+
+
+def test_the_energy_does_not_jump_when_a_corner_slides_past_a_point() -> None:
+    """The upper block, 2 micrometres inside the lower one, moves to the right by half an edge."""
+    mesh = two_blocks()
+    surface = free_surface(mesh, "surface")
+    contact = Contact(surface, (), ContactLaw(300.0, 1e-4), lambda x: np.ones(len(x)))
+    points = np.array([v.point for v in mesh.vertices])
+    upper = np.flatnonzero(points[:, 1] > 5.02)
+    n = surface.matrix.shape[1]
+
+    def energy(shift: float) -> float:
+        full = np.zeros(2 * n)
+        full[upper], full[n + upper] = shift, -0.052
+        return contact.energy(contact.state(full))
+
+    low, high = -0.7, -0.1
+    places = np.linspace(low, high, 121)
+    energies = np.array([energy(place) for place in places])
+    assert energies.min() > 0.0
+    k = int(np.argmax(abs(np.diff(energies))))
+    low, high = float(places[k]), float(places[k + 1])
+    jump = abs(energies[k + 1] - energies[k])
+    assert jump > 1e-3 * energies[k]
+    while high - low > 1e-9:
+        middle = (low + high) / 2
+        parts = [abs(energy(middle) - energy(low)), abs(energy(high) - energy(middle))]
+        low, high = (low, middle) if parts[0] > parts[1] else (middle, high)
+        jump = max(parts)
+    assert jump < 1e-5 * energies[k]

@@ -1,0 +1,16 @@
+"""Running ngspring's commands in the tests' own process."""
+
+from __future__ import annotations
+
+from click.testing import CliRunner, Result
+
+from ngspring.cli.main import cli
+
+
+def invoke(*args: object, code: int = 0) -> Result:
+    """Run ``ngspring ARGS`` and check its exit code; unexpected exceptions pass through."""
+    result = CliRunner().invoke(cli, [str(arg) for arg in args], prog_name="ngspring")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == code, result.output
+    return result
