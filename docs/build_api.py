@@ -8,6 +8,7 @@ that it cannot resolve, is an error.
 
 from __future__ import annotations
 
+import pkgutil
 import sys
 import warnings
 from collections.abc import Sequence
@@ -18,6 +19,12 @@ import pdoc
 import ngspring
 
 
+def package_names() -> list[str]:
+    """The package and the packages in it; pdoc finds their modules."""
+    found = pkgutil.iter_modules(ngspring.__path__, "ngspring.")
+    return ["ngspring", *(module.name for module in found if module.ispkg)]
+
+
 def build(folder: Path) -> Path:
     """Write the pages and return the first one."""
     pdoc.render.configure(
@@ -25,7 +32,7 @@ def build(folder: Path) -> Path:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
-        pdoc.pdoc("ngspring", output_directory=folder)
+        pdoc.pdoc(*package_names(), output_directory=folder)
     return folder / "index.html"
 
 
