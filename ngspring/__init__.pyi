@@ -20,6 +20,8 @@ from .evolution.steprule import StepRule as StepRule
 from .evolution.updates import Result as Result
 from .evolution.updates import Update as Update
 from .fem.taylor import taylor_test as taylor_test
+from .kkt.compound import CompoundState as CompoundState
+from .kkt.compound import compound_state as compound_state
 from .kkt.stationarity import Optimality as Optimality
 from .kkt.stationarity import optimality as optimality
 from .problem.cases import cases as cases
@@ -52,6 +54,7 @@ from .view.report import write_report as write_report
 
 __all__ = [
     "Body",
+    "CompoundState",
     "ContactResponse",
     "ContactSettings",
     "ControlPoint",
@@ -83,6 +86,7 @@ __all__ = [
     "bulk_and_shear_modulus",
     "cases",
     "check_targets",
+    "compound_state",
     "contact_load_displacement",
     "export_body",
     "gallery",

@@ -19,8 +19,9 @@ from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import make_factorization, multiply, wants_upper
 from ngspring.fem.process import tasks
 from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern
-from ngspring.physics import energies
-from ngspring.physics.void import VoidRegularisation, integration_rule
+from ngspring.physics.chi import stiffness
+from ngspring.physics.elasticity import measure, strain_energy
+from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.scaling import force_unit
 
 
@@ -80,6 +81,7 @@ class Mechanics:
         self.scalar = scalar
         grid: Grid = scalar.grid
         problem = grid.problem
+        self.problem = problem
         self.force_unit = force_unit(problem)
         self.displacement = displacement_extraction(scalar)
         self.extraction = self.displacement.matrix
@@ -99,12 +101,11 @@ class Mechanics:
             at_points = np.asarray(chi(points)).reshape(table.x.shape)
         space = ng.VectorH1(grid.mesh, order=2)
         u = space.TrialFunction()
-        energy = energies.strain_energy(u, ng.Grad(u), problem)
-        scaled = energies.stiffness(field + self._eta, problem) * energy
+        energy = strain_energy(u, ng.Grad(u), problem)
+        scaled = stiffness(field + self._eta, problem) * energy
         self._form = ng.BilinearForm(space, symmetric=True)
-        rule = {ng.ET.QUAD: integration_rule()}
-        density = energies.measure(grid) * scaled
-        self._form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
+        density = measure(problem) * scaled
+        self._form += ng.Variation(density.Compile() * dx())
         self._u = ng.GridFunction(space)
         self._u.vec[:] = 0.0
         self._result = self._u.vec.CreateVector()
@@ -162,6 +163,10 @@ class Mechanics:
         """Dofs of the VectorH1 space (x component first)."""
         return np.asarray(self.extraction @ np.append(u, d))
 
+    def reduced(self, full: FloatArray) -> FloatArray:
+        """Forces on the dofs of the VectorH1 space as forces on the free displacements and u_Ty."""
+        return np.asarray(self._transposed @ full)
+
     def energy(self, d: float, u: FloatArray) -> float:
         """Strain energy E of the whole spring in N mm (with the void's)."""
         full = self.full_field(d, u)
@@ -177,7 +182,7 @@ class Mechanics:
         with tasks():
             self._form.Apply(self._u.vec, self._result)
         total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
-        return np.asarray(self._transposed @ total)
+        return self.reduced(total)
 
     def assemble(self, d: float, u: FloatArray, shift: float = 0.0) -> tuple[FloatArray, float]:
         """Assemble and factorise the tangent; returns its column of u_Ty and their corner.
@@ -274,9 +279,26 @@ class Mechanics:
         x = self._factorization.solve(rhs)
         return x + self._factorization.solve(rhs - multiply(self._factorization.matrix, x))
 
-    def adjoint(self, point: Equilibrium, lam_top: float) -> FloatArray:
-        """lam with ``K lam = 0`` and the given value on the top (Eq. 7): it is du/dd times that."""
-        return np.append(point.tangent * lam_top, lam_top)
+    def adjoint(
+        self, point: Equilibrium, lam_top: float, load: FloatArray | None = None
+    ) -> FloatArray:
+        """lam with ``K lam = -load`` and the given value on the top (Eq. 7).
+
+        Without a load it is du/dd times that value.
+
+        Parameters
+        ----------
+        point : Equilibrium
+            The one whose tangent was assembled last.
+        lam_top : float
+            ``w (q - q_*)`` in N^-1.
+        load : array (2 ndof,), optional
+            Derivative by u of the terms of the objective that depend on displacements.
+        """
+        lam = point.tangent * lam_top
+        if load is not None:
+            lam = lam - self.solve_linear(self.reduced(load)[:-1])
+        return np.append(lam, lam_top)
 
     def equilibrium(self, d: float, guess: FloatArray) -> Equilibrium:
         """Newton's method at a prescribed d.
@@ -308,12 +330,12 @@ class Mechanics:
             u, force = trial, trial_force
             norm = np.linalg.norm(force[:-1])
             size = np.abs(step * update).max() if len(update) else 0.0
-            if size > 1e3 * self.scalar.grid.problem.H or norm > 1e8 * (first + self.force_unit):
+            if size > 1e3 * self.problem.H or norm > 1e8 * (first + self.force_unit):
                 raise ConvergenceError("Newton's method diverges")
             # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
             if (
                 step == 1.0
-                and size <= 1e-7 * self.scalar.grid.problem.H
+                and size <= 1e-7 * self.problem.H
                 and norm <= 1e-9 * (1e-3 * self.force_unit + abs(force[-1]))
             ):
                 column, corner = self.assemble(d, u)

@@ -33,8 +33,9 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.grid import ScalarSpace
 from ngspring.fem.linear import inertia, symmetric
-from ngspring.physics import energies
-from ngspring.physics.void import integration_rule
+from ngspring.physics.chi import stiffness
+from ngspring.physics.elasticity import measure, strain_energy
+from ngspring.physics.void import dx
 
 #: At most so many negative eigenvalues are computed (all of them are counted).
 MOST_NEGATIVE = 24
@@ -91,8 +92,8 @@ class Mode:
 def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float) -> FloatArray:
     """A quarter's displacements on the full domain (dofs of the VectorH1 spaces).
 
-    ``u_x(L - x, y) = -u_x(x, y)`` and ``u_y(x, H - y) = d - u_y(x, y)``, exact to the last digit
-    because the basis is hierarchical: bubbles are mirrored like values, and d has none.
+    Exact to the last digit because the basis is hierarchical: bubbles are mirrored like values
+    (`ngspring.problem.sector.Mirror`), and d has none.
 
     Parameters
     ----------
@@ -102,15 +103,19 @@ def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float)
     d : float
         Displacement of the top side in mm.
     """
-    nx, ny = (2 * cells for cells in part.grid.cells)
-    i, j = whole.node[:, 0], whole.node[:, 1]
-    right, upper = i > nx, j > ny
-    place = np.empty((nx + 1, ny + 1), dtype=np.int64)
+    node = whole.node.copy()
+    signs, shift = np.ones((2, whole.ndof)), np.zeros((2, whole.ndof))
+    vertex = whole.is_vertex(np.arange(whole.ndof))
+    for mirror in part.grid.sector.mirrors:
+        middle = 2 * part.grid.cells[mirror.axis]
+        beyond = node[:, mirror.axis] > middle
+        node[beyond, mirror.axis] = 2 * middle - node[beyond, mirror.axis]
+        signs[:, beyond] *= mirror.signs[:, None]
+        shift[:, beyond & vertex] += mirror.translation(d)[:, None]
+    place = np.empty([2 * cells + 1 for cells in part.grid.cells], dtype=np.int64)
     place[part.node[:, 0], part.node[:, 1]] = np.arange(part.ndof)
-    twin = place[np.where(right, 2 * nx - i, i), np.where(upper, 2 * ny - j, j)]
-    u_x, u_y = field.reshape(2, -1)[:, twin]
-    top = np.where(whole.is_vertex(np.arange(whole.ndof)), d, 0.0)
-    return np.concatenate([np.where(right, -u_x, u_x), np.where(upper, top - u_y, u_y)])
+    twin = place[node[:, 0], node[:, 1]]
+    return np.asarray(signs * field.reshape(2, -1)[:, twin] + shift).ravel()
 
 
 class FullTangent(Mechanics):
@@ -122,22 +127,19 @@ class FullTangent(Mechanics):
         super().__init__(scalar, chi, eta, solver, threads)
         space, problem = self._u.space, scalar.grid.problem
         u = space.TrialFunction()
-        stiff = energies.stiffness(self._field + self._eta, problem)
+        stiff = stiffness(self._field + self._eta, problem)
         kept = FAINT + (1 - FAINT) * stiff**2 / (stiff**2 + GREY**2)
-        density = energies.measure(scalar.grid) * kept * stiff
-        density = density * energies.strain_energy(u, ng.Grad(u), problem)
-        rule = {ng.ET.QUAD: integration_rule()}
+        density = measure(problem) * kept * stiff
+        density = density * strain_energy(u, ng.Grad(u), problem)
         form = ng.BilinearForm(space, symmetric=True)
-        form += ng.Variation(density.Compile() * ng.dx(intrules=rule))
+        form += ng.Variation(density.Compile() * dx())
         self._u.vec[:] = 0.0
         form.AssembleLinearization(self._u.vec)
         values = self._map @ form.mat.AsVector().FV().NumPy()
         self._mass = self._whole(values)
         table = self.void.table
         self._places = scalar.grid.mesh(table.x.ravel(), table.y.ravel())
-        decay = np.exp(-np.maximum(self._at_points, -200.0))
-        stiffness = problem.E_0 + (1 - problem.E_0) / (1 + (1 + problem.p) * decay)
-        self._weights = stiffness * table.weights
+        self._weights = stiffness(self._at_points, problem) * table.weights
         self._region = (self._at_points < 0).astype(np.int64) + (self._at_points <= -5)
         self._twins = [scalar.opposite(np.arange(scalar.ndof), axis) for axis in (0, 1)]
 
@@ -218,7 +220,7 @@ class FullTangent(Mechanics):
             float(product @ self.displacement.restrict(image)[:-1] / (product @ v))
             for image in (image_x, image_y)
         ]
-        if self.scalar.grid.half_width:
+        if self.scalar.grid.sector.half_width:
             parity[0] = 1.0
         nodes = np.array([nodal_values(self.scalar, part) for part in components])
         nodes /= nodes.flat[np.abs(nodes).argmax()]
@@ -229,10 +231,8 @@ class FullTangent(Mechanics):
         self._u.vec.FV().NumPy()[:] = full
         problem = self.scalar.grid.problem
         a, b, c, e = np.asarray(ng.Grad(self._u)(self._places)).T
-        hoop = np.zeros_like(a)
-        if problem.motion.axis:
-            u_r = -np.asarray(self._u.components[0](self._places)).ravel()
-            hoop = u_r / (problem.L / 2 - self.void.table.x.ravel())
+        u_x = np.asarray(self._u.components[0](self._places)).ravel()
+        hoop = problem.motion.F_33(u_x, self.void.table.x.ravel(), problem.L) - 1.0
         trace = a + e + hoop
         squared = a**2 + e**2 + hoop**2 + (b + c) ** 2 / 2
         density = problem.K * trace**2 + 2 * problem.G * (squared - trace**2 / 3)

@@ -121,15 +121,8 @@ def full_displacement(response: Response, index: int) -> FloatArray:
     array (2, 2 N + 1, 2 N + 1)
         u_x and u_y at the vertices, edge middles and centres of the N x N mesh.
     """
-    u = response.nodes_u[index]
-    if response.grid.half_width:
-        mirrored = u[:, -2::-1] * np.array([-1.0, 1.0])[:, None, None]
-        u = np.concatenate([u, mirrored], axis=1)
-    if response.grid.half_height:
-        mirrored = u[:, :, -2::-1].copy()
-        mirrored[1] = response.d[index] - mirrored[1]
-        u = np.concatenate([u, mirrored], axis=2)
-    return np.asarray(u)
+    sector = response.problem.sector
+    return sector.whole(response.nodes_u[index], float(response.d[index]))
 
 
 def interpolation(cells: int, t: FloatArray) -> sp.csr_matrix:

@@ -37,7 +37,7 @@ from ngspring.cli.targets import materials_command, targets_command
 from ngspring.cli.verify import export_command, tolerance_command, verify_command
 from ngspring.cli.watch import watch_command
 from ngspring.problem.cases import cases
-from ngspring.problem.spring import DOMAINS
+from ngspring.problem.sector import DOMAINS
 
 
 class _Commands(click.Group):
@@ -172,7 +172,7 @@ def show_cases() -> None:
 
 @cli.command("bench", short_help="Time a coupled Newton iteration here.")
 @click.option("--elements", type=int, default=80, show_default=True)
-@click.option("--domain", type=click.Choice(DOMAINS), default="quarter", show_default=True)
+@click.option("--domain", type=click.Choice(list(DOMAINS)), default="quarter", show_default=True)
 @click.option("--control-points", type=int, default=3, show_default=True)
 @threads_option
 @solver_option

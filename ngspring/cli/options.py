@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from ngspring.problem.spring import DOMAINS
+from ngspring.problem.sector import DOMAINS
 
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 SOLVERS = ("auto", "sparsecholesky", "pardiso")
@@ -24,7 +24,7 @@ def complain(message: str, code: int) -> int:
 def domain_option(command: Command) -> Command:
     """``--domain quarter|full``; None means the problem's own."""
     text = "Part of the spring that is analysed, instead of the problem's own."
-    return click.option("--domain", type=click.Choice(DOMAINS), help=text)(command)
+    return click.option("--domain", type=click.Choice(list(DOMAINS)), help=text)(command)
 
 
 def threads_option(command: Command) -> Command:

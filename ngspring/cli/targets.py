@@ -97,7 +97,7 @@ def _materials_table() -> Table:
 @click.option("--shore-a", "shore_A", type=float, help="Hardness instead of E.")
 @click.option("--E", "E", type=float, help="Young's modulus in MPa.")
 @click.option("--nu", type=float, help="Poisson's ratio; 0.4 by default.")
-@click.option("--kinematics", type=click.Choice(KINEMATICS), help="Plane strain by default.")
+@click.option("--kinematics", type=click.Choice(list(KINEMATICS)), help="Plane strain by default.")
 @click.option("--elements", type=int, help="N of the N x N mesh; 80 by default.")
 @click.option("--points", type=click.IntRange(min=1), help="Number of control points to choose.")
 @click.option("--at", help="Their displacements in mm instead, as -20,-10,10.")

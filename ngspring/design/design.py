@@ -148,14 +148,13 @@ class Design:
         weight = np.tile(weights / 2, half)
         x, y = place * problem.h_x, place * problem.h_y
         rho = self.density(x[:, None], y[None, :])
-        measure = problem.motion.measure(x, problem.L, problem.T)
-        copies = 2 if problem.motion.axis else 4
-        return float(copies * (weight * problem.h_x * measure) @ rho @ (weight * problem.h_y))
+        across = weight * problem.h_x * problem.replace(domain="quarter").measure(x)
+        return float(across @ rho @ (weight * problem.h_y))
 
     @property
     def equivalent_width(self) -> float:
         """Width of the straight column (Eq. 20) or diameter of the cylinder (Eq. 25), in mm."""
-        return equivalent_width(self.problem, self.volume)
+        return self.problem.equivalent_width(self.volume)
 
     def with_problem(self, problem: SpringProblem) -> Design:
         """The same field as a start for another problem, mesh or size (no history)."""
@@ -219,10 +218,3 @@ class Design:
             raise DesignFileError(f"{path} lacks its part {error}") from None
         except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
             raise DesignFileError(f"{path} does not hold a valid design: {error}") from None
-
-
-def equivalent_width(problem: SpringProblem, volume: float) -> float:
-    """Width W of Eq. 20 (plane strain) or diameter D of Eq. 25 (axisymmetric) in mm."""
-    if problem.motion.axis:
-        return float(np.sqrt(4 * volume / (np.pi * problem.H)))
-    return volume / (problem.H * problem.T)

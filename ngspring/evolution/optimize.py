@@ -21,7 +21,7 @@ import numpy as np
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.files import PathLike, write_text
-from ngspring.design.design import Design, equivalent_width
+from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.branches import path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
@@ -319,7 +319,7 @@ class _Run:
             **{name: value for name, value in terms.items() if name.startswith("C_q")},
             **{name: value for name, value in terms.items() if name[0] == "q"},
             "V": terms["V"],
-            "width": equivalent_width(self.problem, terms["V"]) / self.problem.H,
+            "width": self.problem.equivalent_width(terms["V"]) / self.problem.H,
             "seconds": seconds,
         }
 

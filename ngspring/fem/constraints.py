@@ -83,18 +83,18 @@ def displacement_extraction(scalar: ScalarSpace) -> DisplacementExtraction:
 
     left, right = scalar.on("left"), scalar.on("right")
     bottom, top = scalar.on("bottom"), scalar.on("top")
-    if not grid.half_height:
+    if not grid.sector.half_height:
         parent[top] = scalar.opposite(top, 1)
     u_lx = int(left[scalar.is_vertex(left)][0])
     tie(left, u_lx, 1.0)
-    if grid.half_width:
+    if grid.sector.half_width:
         weight[right] = 0.0
     else:
         tie(right, u_lx, -1.0)
         parent[n + right] = n + scalar.opposite(right, 0)
     u_ty = n + int(top[scalar.is_vertex(top)][0])
     weight[n + bottom] = 0.0
-    tie(n + top, u_ty, 0.5 if grid.half_height else 1.0)
+    tie(n + top, u_ty, grid.sector.share)
 
     used = weight != 0.0
     is_master = np.zeros(2 * n, bool)

@@ -18,6 +18,7 @@ from ngsolve.meshes import MakeStructured2DMesh
 from numpy.typing import NDArray
 
 from ngspring.basics.arrays import IntArray
+from ngspring.problem.sector import Sector
 from ngspring.problem.spring import SpringProblem
 
 
@@ -32,35 +33,19 @@ class Grid:
     problem: SpringProblem
 
     @property
-    def half_width(self) -> bool:
-        """Whether the mesh ends at the middle, x = L/2."""
-        return self.problem.quarter or self.problem.motion.axis
-
-    @property
-    def half_height(self) -> bool:
-        """Whether the mesh ends at the middle, y = H/2."""
-        return self.problem.quarter
+    def sector(self) -> Sector:
+        """The analysed part of the spring, and its mirror images."""
+        return self.problem.sector
 
     @property
     def cells(self) -> tuple[int, int]:
         """Number of elements in x and in y."""
-        n = self.problem.elements
-        return (n // 2 if self.half_width else n, n // 2 if self.half_height else n)
+        return self.sector.cells(self.problem.elements)
 
     @property
     def size(self) -> tuple[float, float]:
         """Width and height of the meshed part in mm."""
-        problem = self.problem
-        return (
-            problem.L / 2 if self.half_width else problem.L,
-            problem.H / 2 if self.half_height else problem.H,
-        )
-
-    @property
-    def copies(self) -> int:
-        """How many times the meshed part stands in the whole (the axis counts as one)."""
-        copies = 2 if self.half_height else 1
-        return copies if self.problem.motion.axis else copies * (2 if self.half_width else 1)
+        return self.sector.size
 
     @cached_property
     def mesh(self) -> ng.Mesh:

@@ -70,6 +70,9 @@ class Elimination:
             guess, force = self._admissible(body, point.d, old.u[j], new.u[j])
             u[j], shape = self._balance(body, point.d, guess, force, self.ACCURACY * scale)
             lam[j, :-1] = shape * lam[j, -1]
+            load = system.adjoint_load(chi, body.full_field(point.d, u[j]), j)
+            if load is not None:
+                lam[j, :-1] -= body.solve_linear(body.reduced(load)[:-1])
         return State(new.chi, u, lam)
 
     @staticmethod

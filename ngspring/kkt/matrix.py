@@ -102,7 +102,7 @@ class BlockMaps:
 
         # The forms of C_chi live on the same pattern as the chi-chi block.
         chi_entries = self._entries["chi_chi"]
-        for form_of_chi in (design.nonlinear, design.transient, design.terms["curvature"]):
+        for form_of_chi in (design.nonlinear, design.transient, design.quadratic):
             r, c = csr_pattern(form_of_chi)
             if not (
                 np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
@@ -110,7 +110,7 @@ class BlockMaps:
                 raise AssertionError("the patterns of the forms of chi differ")
         reduction = self._maps["chi_chi"]
         self._transient = reduction @ design.transient.mat.AsVector().FV().NumPy()
-        self._curvature = reduction @ design.terms["curvature"].mat.AsVector().FV().NumPy()
+        self._quadratic = reduction @ design.quadratic.mat.AsVector().FV().NumPy()
         self._arrange(patterns, chi.shape[1], free, points, upper)
 
     def _arrange(
@@ -168,7 +168,7 @@ class BlockMaps:
 
     def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
         """Second derivative of C_chi on the lower triangle's chi-chi pattern."""
-        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._curvature
+        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._quadratic
         return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
 
     def block(self, name: str, values: FloatArray, void: VoidBlocks) -> FloatArray:

@@ -80,10 +80,13 @@ def initial_state(system: CoupledSystem, design: Design) -> State:
     """
     chi = design.coefficients.ravel()
     bodies, points = equilibria(system, chi)
-    lam = [
-        body.adjoint(equilibrium, control.weight * (equilibrium.q - control.q))
-        for body, equilibrium, control in zip(bodies, points, system.points, strict=True)
-    ]
+    full = system.extraction_chi @ chi
+    lam = []
+    for j, (body, point, control) in enumerate(zip(bodies, points, system.points, strict=True)):
+        load = system.adjoint_load(full, body.full_field(point.d, point.u), j)
+        if load is not None:
+            body.assemble(point.d, point.u)
+        lam.append(body.adjoint(point, control.weight * (point.q - control.q), load))
     state = State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
     del bodies, points
     end_setup()

@@ -10,6 +10,7 @@ either side while K is, so that a symmetric factorisation needs no pivoting (des
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +22,8 @@ from ngspring.fem.linear import Factorization, make_factorization, multiply, wan
 from ngspring.fem.memory import begin_setup, end_setup
 from ngspring.kkt.matrix import BlockMaps
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
+from ngspring.physics.terms import TERMS
+from ngspring.physics.terms.base import Term
 from ngspring.problem.scaling import force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -105,9 +108,17 @@ class CoupledSystem:
         Linear solver, see `ngspring.fem.linear.make_factorization`.
     threads : int
         Threads of the factorisation; NGSolve's own are set by `ngspring.fem.process.parallel`.
+    terms : sequence of Term
+        The terms of the objective beside the control points'.
     """
 
-    def __init__(self, problem: SpringProblem, solver: str = "auto", threads: int = 1) -> None:
+    def __init__(
+        self,
+        problem: SpringProblem,
+        solver: str = "auto",
+        threads: int = 1,
+        terms: Sequence[Term] = TERMS,
+    ) -> None:
         self.problem = problem
         self.solver = solver
         self.threads = threads
@@ -118,8 +129,8 @@ class CoupledSystem:
         self.extraction_u = self.displacement.matrix
         self._transposed_chi = self.extraction_chi.T.tocsr()
         self._transposed_u = self.extraction_u.T.tocsr()
-        self.control_point = ControlPointForm(self.scalar)
-        self.design = DesignForm(self.scalar)
+        self.control_point = ControlPointForm(self.scalar, terms)
+        self.design = DesignForm(self.scalar, terms)
         self.timings = Timings()
         self.coefficients = self.extraction_chi.shape[1]
         self.free = self.extraction_u.shape[1] - 1
@@ -184,9 +195,31 @@ class CoupledSystem:
             values[f"C_q{j + 1}"] = float(value)
         for j, force in enumerate(forces):
             values[f"q{j + 1}"] = float(force)
-        design = values["volume"] + values["interface"] + values["curvature"]
-        values["C"] = float(each.sum()) + design
-        return values
+        of_design = sum(values[name] for name in self.design.terms)
+        of_u: dict[str, float] = {}
+        for j, point in enumerate(self.points if self.control_point.terms else ()):
+            vector = self.control_point_vector(state, j)
+            for name, value in self.control_point.values(vector, point.eta).items():
+                of_u[name] = of_u.get(name, 0.0) + value
+        values["C"] = float(each.sum()) + of_design + sum(of_u.values())
+        return {**values, **of_u}
+
+    def adjoint_load(self, chi: FloatArray, u: FloatArray, j: int) -> FloatArray | None:
+        """Derivative of the terms that depend on displacements by u, for Eq. 7 of a control point.
+
+        Parameters
+        ----------
+        chi, u : arrays
+            Dofs of the scalar space, and of the vector-valued one.
+        j : int
+            Control point.
+
+        Returns
+        -------
+        array (2 ndof,) or None
+            None if there are no such terms.
+        """
+        return self.control_point.adjoint_load(chi, u, self.points[j].eta)
 
     # -- matrix ----------------------------------------------------------------------------------
 

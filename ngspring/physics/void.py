@@ -10,29 +10,43 @@ compare it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.fem.grid import Grid, ScalarSpace
-from ngspring.physics.energies import void_regularisation_scale
+from ngspring.fem.grid import ScalarSpace
+from ngspring.physics.chi import CF, void_indicator, void_indicator_derivatives
+from ngspring.physics.elasticity import measure
+from ngspring.problem.spring import SpringProblem
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def integration_rule() -> ng.IntegrationRule:
-    """The nine Gauss points per element of 2.7 (exact to order 5)."""
-    return ng.IntegrationRule(ng.ET.QUAD, 5)
+def dx() -> Any:
+    """Integration with the nine Gauss points per element of 2.7 (exact to order 5)."""
+    return ng.dx(intrules={ng.ET.QUAD: ng.IntegrationRule(ng.ET.QUAD, 5)})
 
 
-def smooth_step(chi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """I(chi) of Eq. 15 with its first and second derivative."""
-    t = np.clip(-5.0 - chi, 0.0, 1.0)
-    value = t**3 * (10 + t * (6 * t - 15))
-    first = -30 * t**2 * (1 - t) ** 2
-    second = 60 * t * (1 - t) * (1 - 2 * t)
-    return value, first, second
+def void_regularisation_scale(problem: SpringProblem) -> float:
+    """k_r K H^2, the weight of the void regularisation in Eq. 14, in N."""
+    return problem.k_r * problem.K * problem.H**2
+
+
+def void_virtual_work(chi: CF, u: CF, lam: CF, problem: SpringProblem) -> CF:
+    """Integrand over the mesh of ``k_r K H^2 I(chi) Hu : Hlam`` (Eqs. 16, 19), by NGSolve.
+
+    Exact like the table of `VoidRegularisation`, and far slower.
+
+    Parameters
+    ----------
+    chi : ngsolve.CoefficientFunction
+    u, lam : proxies or grid functions of a vector-valued H1 space
+    problem : SpringProblem
+    """
+    product = ng.InnerProduct(u.Operator("hesse"), lam.Operator("hesse"))
+    return measure(problem) * void_regularisation_scale(problem) * void_indicator(chi) * product
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +101,7 @@ class ElementTable:
         self.x = hx * (i[:, None] + gx)
         self.y = hy * (j[:, None] + gy)
         weights = np.outer(GAUSS_WEIGHTS, GAUSS_WEIGHTS).ravel() / 4 * hx * hy
-        self.weights = weights * self._measure(grid)
-
-    def _measure(self, grid: Grid) -> FloatArray:
-        problem = grid.problem
-        per_area = (
-            2 * np.pi * (problem.L / 2 - self.x)
-            if problem.motion.axis
-            else np.full(self.x.shape, problem.T)
-        )
-        return np.asarray(grid.copies * per_area)
+        self.weights = np.broadcast_to(weights * grid.problem.measure(self.x), self.x.shape)
 
 
 class VoidRegularisation:
@@ -128,7 +133,7 @@ class VoidRegularisation:
 
     def stiffness(self, chi_at_points: FloatArray) -> FloatArray:
         """Element matrices (elements, 81) of the second derivative with respect to u."""
-        indicator, _, _ = smooth_step(chi_at_points)
+        indicator = void_indicator(chi_at_points)
         return np.asarray((self.scale * self.table.weights * indicator) @ self._hesse_hesse)
 
     def _force(self, weights: FloatArray, hesse: FloatArray) -> FloatArray:
@@ -138,7 +143,7 @@ class VoidRegularisation:
 
     def forces(self, chi_at_points: FloatArray, u: FloatArray) -> FloatArray:
         """Derivative of the energy with respect to u, on the dofs of the VectorH1 space."""
-        indicator, _, _ = smooth_step(chi_at_points)
+        indicator = void_indicator(chi_at_points)
         weights = self.scale * self.table.weights * indicator
         return self._force(weights, self.hesse_at_points(u))
 
@@ -146,7 +151,8 @@ class VoidRegularisation:
         self, chi_at_points: FloatArray, u: FloatArray, lam: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Derivatives of ``I(chi) Hu : Hlam`` (integrated) with respect to chi, u and lam."""
-        indicator, first, _ = smooth_step(chi_at_points)
+        indicator = void_indicator(chi_at_points)
+        first, _ = void_indicator_derivatives(chi_at_points)
         weights = self.scale * self.table.weights
         hesse_u, hesse_lam = self.hesse_at_points(u), self.hesse_at_points(lam)
         density = weights * first * (hesse_u * hesse_lam).sum(axis=(0, 2))
@@ -158,7 +164,8 @@ class VoidRegularisation:
 
     def blocks(self, chi_at_points: FloatArray, u: FloatArray, lam: FloatArray) -> VoidBlocks:
         """Second derivatives of ``I(chi) Hu : Hlam`` (integrated)."""
-        indicator, first, second = smooth_step(chi_at_points)
+        indicator = void_indicator(chi_at_points)
+        first, second = void_indicator_derivatives(chi_at_points)
         weights = self.scale * self.table.weights
         hesse_u, hesse_lam = self.hesse_at_points(u), self.hesse_at_points(lam)
         product = (hesse_u * hesse_lam).sum(axis=(0, 2))

@@ -28,6 +28,7 @@ import numpy as np
 
 from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.dimension import dimensions
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.spring import SpringProblem
 
@@ -84,18 +85,17 @@ def scaled(
         dataclasses.replace(p, d=p.d * a, q=p.q * force, weight=p.weight / force**2)
         for p in problem.control_points
     )
-    return problem.replace(
+    factors = {
+        name: dimension.factor(a, volume, s, problem.n)
+        for name, dimension in dimensions(problem).items()
+    }
+    law = None if problem.material is None else problem.material.scaled(s)
+    return dataclasses.replace(
+        problem,
         control_points=points,
-        L=problem.L * a,
-        H=problem.H * a,
         T=problem.T * b,
-        K=problem.K * s,
-        G=problem.G * s,
-        l_i=problem.l_i * a,
-        l_t=problem.l_t * a,
-        k_rho=problem.k_rho / volume,
-        k_i=problem.k_i * a**problem.n / volume,
-        k_H=problem.k_H * a**4 / volume,
+        material=law,
+        **{name: getattr(problem, name) * factor for name, factor in factors.items()},
     )
 
 
@@ -138,14 +138,17 @@ def with_similar_weights(problem: SpringProblem) -> SpringProblem:
         dataclasses.replace(point, weight=point.weight * (w_q / largest))
         for point in problem.control_points
     )
-    return problem.replace(
+    weights = {
+        name: getattr(paper, name) * dimension.factor(a, v, 1.0, paper.n)
+        for name, dimension in dimensions(problem, weights=True).items()
+    }
+    return dataclasses.replace(
+        problem,
         control_points=points,
         l_i=0.8 * max(problem.h_x, problem.h_y),
         l_t=paper.l_t * a,
-        k_rho=paper.k_rho / v,
-        k_i=paper.k_i * a**paper.n / v,
-        k_H=paper.k_H * a**4 / v,
         n=paper.n,
+        **weights,
     )
 
 

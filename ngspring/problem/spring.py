@@ -16,12 +16,14 @@ from typing import Any
 
 from ngspring.basics.checks import choice, finite_number, nearest, positive_number, refused
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.dimension import quantity
 from ngspring.problem.kinematics import KINEMATICS
-from ngspring.problem.kinematics.base import Kinematics
+from ngspring.problem.kinematics.base import Kinematics, Value
+from ngspring.problem.laws.base import Law
+from ngspring.problem.laws.neo_hooke import NeoHooke
 from ngspring.problem.point import ControlPoint
+from ngspring.problem.sector import DOMAINS, Sector, sector_of
 from ngspring.problem.toml import parse_fields, read, write_fields
-
-DOMAINS = ("quarter", "full")
 
 _POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
 _NON_NEGATIVE = ("k_r", "p", "k_rho", "k_i", "k_H")
@@ -50,7 +52,7 @@ class SpringProblem:
     T : float
         Out-of-plane thickness in mm; not used by axisymmetric springs.
     K, G : float
-        Bulk and shear modulus of the solid in MPa (Eq. 14).
+        Bulk and shear modulus of the solid in MPa (Eq. 14); with a `material` its initial moduli.
     E_0 : float
         Stiffness of void relative to solid (Eq. 3).
     k_r : float
@@ -69,6 +71,8 @@ class SpringProblem:
         Minimum interface width in mm: the slope of chi is limited to 8 / l_i (Eq. 11).
     l_t : float
         Length scale of the transient term in mm (Table 1; Eq. 11 prints l_i in its place).
+    material : Law, optional
+        Another law than the paper's, see `ngspring.problem.laws`.
 
     Raises
     ------
@@ -83,30 +87,43 @@ class SpringProblem:
     kinematics: str = "plane strain"
     domain: str = "quarter"
     elements: int = 80
-    L: float = 100.0
-    H: float = 100.0
+    L: float = quantity(100.0, length=1)
+    H: float = quantity(100.0, length=1)
     T: float = 1.0
-    K: float = 5 / 3
-    G: float = 5 / 14
+    K: float = quantity(5 / 3, stress=1)
+    G: float = quantity(5 / 14, stress=1)
     E_0: float = 1e-6
     k_r: float = 1e-6
     p: float = 8.0
-    k_rho: float = 1e-8
-    k_i: float = 1e-2
+    k_rho: float = quantity(1e-8, volume=-1, weight=True)
+    k_i: float = quantity(1e-2, volume=-1, slope=True, weight=True)
     n: float = 6.0
-    k_H: float = 1e-9
-    l_i: float = 1.0
-    l_t: float = 8.0
+    k_H: float = quantity(1e-9, volume=-1, length=4, weight=True)
+    l_i: float = quantity(1.0, length=1)
+    l_t: float = quantity(8.0, length=1)
+    material: Law | None = None
 
     def __post_init__(self) -> None:
+        self._check_material()
         self._check_text()
         self._check_elements()
         self._check_numbers()
         self._check_control_points()
 
+    def _check_material(self) -> None:
+        if self.material is None:
+            return
+        if not isinstance(self.material, Law):
+            raise refused("material", self.material, "a law, such as NeoHooke(K, G)")
+        for name, value in zip("KG", self.material.initial_moduli, strict=True):
+            object.__setattr__(self, name, value)
+        if isinstance(self.material, NeoHooke):
+            # It has the fields K and G, as in files of older versions.
+            object.__setattr__(self, "material", None)
+
     def _check_text(self) -> None:
         choice("kinematics", self.kinematics, tuple(KINEMATICS))
-        choice("domain", self.domain, DOMAINS)
+        choice("domain", self.domain, tuple(DOMAINS))
         if not isinstance(self.name, str):
             raise refused("name", self.name, "a string")
         try:
@@ -174,9 +191,22 @@ class SpringProblem:
         return self.motion.top_area(self.L, self.T)
 
     @property
-    def quarter(self) -> bool:
-        """Whether one quadrant is analysed instead of the full domain."""
-        return self.domain == "quarter"
+    def sector(self) -> Sector:
+        """What `domain` names: the part that is analysed, and its mirror images."""
+        return sector_of(self.domain, self.L, self.H, self.motion.axis)
+
+    @property
+    def law(self) -> Law:
+        """The material's law: `material`, or the paper's (Eq. 14) with K and G."""
+        return NeoHooke(self.K, self.G) if self.material is None else self.material
+
+    def equivalent_width(self, volume: float) -> float:
+        """Width W of Eq. 20 (plane strain) or diameter D of Eq. 25 (axisymmetric) in mm."""
+        return self.motion.equivalent_width(volume, self.H, self.T)
+
+    def measure(self, x: Value) -> Value:
+        """Volume of the whole spring per area of the analysed part, in mm, at x in mm."""
+        return self.sector.copies * self.motion.measure(x, self.L, self.T)
 
     @property
     def h_x(self) -> float:
@@ -211,11 +241,19 @@ class SpringProblem:
                 raise ProblemError(
                     f"SpringProblem has no field {field!r}: did you mean {nearest(field, names)!r}?"
                 )
+        if self.material is not None and "material" not in changes:
+            for name in ("K", "G"):
+                if name in changes:
+                    raise ProblemError(
+                        f"{name} belongs to the {self.law.name} law here: replace material"
+                    )
         return dataclasses.replace(self, **changes)
 
     def to_toml(self) -> str:
         """Return the problem as TOML text, from which `from_toml` makes an equal problem."""
-        return write_fields(dataclasses.asdict(self))
+        values = dataclasses.asdict(self)
+        law = None if self.material is None else {"law": self.law.name, **self.law.parameters}
+        return write_fields({**values, "material": law})
 
     @classmethod
     def from_toml(cls, text_or_path: str | os.PathLike[str]) -> SpringProblem:

@@ -37,6 +37,7 @@ from ngspring.basics.checks import finite_number, nearest, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import read_text
 from ngspring.problem.curves.curve import read_curve
+from ngspring.problem.laws import law_from
 from ngspring.problem.material import MATERIAL_KEYS, moduli_from
 from ngspring.problem.point import ControlPoint
 
@@ -69,9 +70,11 @@ SizeOf: TypeAlias = Callable[[Mapping[str, Any]], tuple[float, float]]
 def write_fields(values: Fields) -> str:
     """Return the fields of a problem as TOML text that `parse_fields` turns into equal ones."""
     points = values["control_points"]
-    values = {name: value for name, value in values.items() if name != "control_points"}
+    # What is None is left out; tables come last, or what follows would belong to them.
+    plain = {k: v for k, v in values.items() if k != "control_points" and v is not None}
+    plain = dict(sorted(plain.items(), key=lambda item: isinstance(item[1], dict)))
     # tomli_w would put short control points into one line of inline tables.
-    return tomli_w.dumps(values) + "".join(
+    return tomli_w.dumps(plain) + "".join(
         f"\n[[control_points]]\n{tomli_w.dumps(point)}" for point in points
     )
 
@@ -136,9 +139,7 @@ def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None =
     values = load_tables(text)
     _check_keys(values, described, "", FURTHER_KEYS)
     further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
-    moduli = moduli_from({**values, **further})
-    if moduli is not None:
-        values["K"], values["G"] = moduli
+    values.update(_material(values, further))
     weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
     if "targets" in further:
         if "control_points" in values:
@@ -154,6 +155,19 @@ def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None =
         )
     points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
     return {**values, "control_points": points}
+
+
+def _material(values: Fields, further: Fields) -> Fields:
+    """The fields that describe the material: a law, or K and G, or none."""
+    if isinstance(further.get("material"), dict):
+        given = [key for key in ("K", "G", *MATERIAL_KEYS) if key in {**values, **further}]
+        if given != ["material"]:
+            raise ProblemError(
+                f"the material is described twice, by [material] and by {given[0]}: give one"
+            )
+        return {"material": law_from(further["material"])}
+    moduli = moduli_from({**values, **further})
+    return {} if moduli is None else {"K": moduli[0], "G": moduli[1]}
 
 
 def _points_of_curve(

@@ -16,6 +16,7 @@ from scipy.special import expit
 from ngspring.analysis.states import interpolation
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
+from ngspring.physics.chi import rho, stiffness
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.figure import SMALL, new_figure
 from ngspring.view.text import width_symbol
@@ -63,11 +64,11 @@ def draw_design(
         place_y = place_y + fine @ displacement[1] @ fine.T
     middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
     chi = design.chi(middle_x[:, None], middle_y[None, :]) + eta
-    rho = 1 / (1 + np.exp(-np.clip(chi, -100, 100)))
+    density = rho(chi)
     axes.pcolormesh(
         place_x,
         place_y,
-        np.ma.masked_less(rho, _VOID),
+        np.ma.masked_less(density, _VOID),
         cmap="Greys",
         vmin=0,
         vmax=1.15,
@@ -76,7 +77,7 @@ def draw_design(
         rasterized=True,
     )
     axes.set_aspect("equal")
-    solid = place_x[:-1, :-1][rho > 0.5]
+    solid = place_x[:-1, :-1][density > 0.5]
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
 
 
@@ -124,7 +125,7 @@ def offsets_figure(
             kind, line = "blueprint", "-"
         below.plot(
             x,
-            ramp(chi + eta, problem),
+            stiffness(chi + eta, problem),
             color="0.35" if eta else "black",
             linewidth=1.3,
             linestyle=line,
@@ -137,9 +138,3 @@ def offsets_figure(
         ax.grid(color="0.92")
     figure.align_ylabels(list(axes))
     return figure
-
-
-def ramp(chi: FloatArray, problem: SpringProblem) -> FloatArray:
-    """E(chi) of Eq. 3 for plain arrays; `ngspring.physics.energies.stiffness` is for NGSolve."""
-    rho = expit(chi)
-    return np.asarray(problem.E_0 + (1 - problem.E_0) * rho / (1 + problem.p * (1 - rho)))

@@ -23,6 +23,7 @@ from ngspring.design.history import History
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
 from ngspring.problem.point import worst_deviation
+from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.design import density_figure
 from ngspring.view.html import badge, numbers, page, picture, table
@@ -126,7 +127,7 @@ def _summary(state: RunState, history: History | None) -> str:
                 " finished design it was up to twenty times too high.</p>"
             )
     symbol = width_symbol(design.problem)
-    kind = "diameter" if design.problem.motion.axis else "width"
+    kind = design.problem.motion.width_word
     legend = (
         f"<p>{symbol}: {kind} of a straight column with the same volume, over the height. C: the"
         " objective. dt: pseudo-time step of the evolution, infinite once the design is"
@@ -181,11 +182,11 @@ def problem_table(problem: SpringProblem, info: Mapping[str, object]) -> str:
     """Mesh, material and weights."""
     rows = [
         ("kinematics", problem.kinematics),
-        ("analysed", "one quarter" if problem.quarter else "full domain"),
+        ("analysed", DOMAINS[problem.domain].words),
         ("mesh over the full domain", f"{problem.elements} × {problem.elements} elements"),
         ("L × H", f"{problem.L:g} × {problem.H:g} mm"),
     ]
-    if not problem.motion.axis:
+    if problem.motion.thick:
         rows.append(("thickness T", f"{problem.T:g} mm"))
     rows += [
         ("bulk and shear modulus K, G", f"{problem.K:.4g}, {problem.G:.4g} MPa"),

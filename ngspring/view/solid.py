@@ -56,28 +56,12 @@ def element_outlines(body: Body, u: FloatArray | None = None) -> tuple[FloatArra
     return places, np.asarray(field(points)).reshape(shape)
 
 
-def copies(
-    body: Body, places: FloatArray, displacements: FloatArray, d: float
-) -> list[tuple[FloatArray, FloatArray]]:
-    """A part of the spring (..., 2) and its mirror images, with their displacements.
-
-    ``u_x(L - x, y) = -u_x(x, y)`` and ``u_y(x, H - y) = d - u_y(x, y)``.
-    """
-    problem = body.problem
-    found = [(places, displacements)]
-    if problem.quarter or problem.motion.axis:
-        found += [([problem.L, 0.0] + x * [-1, 1], u * [-1, 1]) for x, u in found]
-    if problem.quarter:
-        found += [([0.0, problem.H] + x * [1, -1], [0.0, d] + u * [1, -1]) for x, u in found]
-    return found
-
-
 def draw_body(
     axes: Axes, body: Body, u: FloatArray | None = None, d: float = 0.0, whole: bool = True
 ) -> None:
     """Draw a body-fitted mesh, deformed by u, with its mirror images."""
     places, displacements = element_outlines(body, u)
-    parts = copies(body, places, displacements, d)
+    parts = body.problem.sector.copied(places, displacements, d)
     for x, v in parts if whole else parts[:1]:
         axes.add_collection(
             PolyCollection(list(x + v), facecolor="0.82", edgecolor="0.35", linewidth=0.25)
@@ -95,7 +79,7 @@ def draw_pressure(axes: Axes, contact: ContactResponse, index: int, largest: flo
     moved = contact.surface[index] - rest
     pressure = edge_pressure(contact)[index]
     touching = pressure > 1e-3 * largest
-    for x, v in copies(contact.body, rest, moved, float(contact.d[index])):
+    for x, v in contact.body.problem.sector.copied(rest, moved, float(contact.d[index])):
         edges = (x + v).reshape(len(pressure), -1, 2)[touching]
         lines = LineCollection(list(edges), linewidth=2.6, cmap="inferno_r", capstyle="round")
         lines.set_array(pressure[touching])

@@ -47,8 +47,9 @@ def stability_figure(design: Design, outcome: Stability) -> Figure:
 def _draw_critical(axes: Axes, design: Design, critical: Critical, eta: float) -> None:
     problem, mode = design.problem, critical.mode
     state, shape = critical.point.u, mode.nodes
-    if problem.motion.axis:
-        state, shape = _both_halves(state), _both_halves(shape)
+    # Of a body of revolution only the half left of its axis was analysed.
+    sector = problem.replace(domain="full").sector
+    state, shape = sector.whole(state, critical.d), sector.whole(shape, 0.0)
     left, right = draw_design(axes, design, state, eta)
     shifted = state + 0.06 * problem.H * shape
     _outline(axes, design, state, eta, "0.3")
@@ -64,12 +65,6 @@ def _draw_critical(axes: Axes, design: Design, critical: Critical, eta: float) -
     )
     axes.set_xlabel("mm", fontsize=_SMALL)
     axes.tick_params(labelsize=_SMALL - 1)
-
-
-def _both_halves(field: FloatArray) -> FloatArray:
-    """The cross-section of a body of revolution from the half left of its axis."""
-    other = field[:, -2::-1] * np.array([-1.0, 1.0])[:, None, None]
-    return np.concatenate([field, other], axis=1)
 
 
 def _outline(axes: Axes, design: Design, displacement: FloatArray, eta: float, colour: str) -> None:

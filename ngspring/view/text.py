@@ -10,7 +10,7 @@ from ngspring.problem.spring import SpringProblem
 
 def width_symbol(problem: SpringProblem) -> str:
     """Name of the equivalent width: W/H (Eq. 20), or D/H for a cylinder (Eq. 25)."""
-    return "D/H" if problem.motion.axis else "W/H"
+    return f"{problem.motion.width_name}/H"
 
 
 def point_label(point: ControlPoint) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from ngspring import Design, DesignFileError, cases, gallery, optimality
-from ngspring.design.design import equivalent_width
 
 
 def test_the_gallery_holds_the_compression_springs_c4_and_c7() -> None:
@@ -80,7 +79,7 @@ def test_every_stored_design_has_the_history_of_a_whole_run() -> None:
         # C falls but where the states were put back on the path from rest (dt = 0).
         steps = h["dt"][1:] > 0
         assert (np.diff(h["C"])[steps] <= 1e-6 * np.abs(h["C"][1:])[steps]).all(), name
-        width = equivalent_width(design.problem, design.volume) / design.problem.H
+        width = design.problem.equivalent_width(design.volume) / design.problem.H
         assert h["width"][-1] == pytest.approx(width, rel=1e-10), name
         np.testing.assert_allclose(
             [h[f"q{j + 1}"][-1] for j in range(len(design.info["q"]))], design.info["q"]

@@ -57,8 +57,8 @@ def close(value: FloatArray, expected: FloatArray | float) -> None:
 
 def test_the_mesh_is_the_analysed_part_of_the_domain(coarse: SpringProblem) -> None:
     grid = Grid(coarse)
-    half_width = coarse.quarter or coarse.motion.axis
-    assert grid.size == (45.0 if half_width else 90.0, 55.0 if coarse.quarter else 110.0)
+    half_width = coarse.sector.half_height or coarse.motion.axis
+    assert grid.size == (45.0 if half_width else 90.0, 55.0 if coarse.sector.half_height else 110.0)
     assert grid.mesh.ne == grid.cells[0] * grid.cells[1]
     area = float(ng.Integrate(ng.CF(1.0), grid.mesh))
     assert area == pytest.approx(grid.size[0] * grid.size[1], rel=1e-13)
@@ -68,7 +68,7 @@ def test_the_mesh_is_the_analysed_part_of_the_domain(coarse: SpringProblem) -> N
         ("axisymmetric", "quarter"): 2,
         ("axisymmetric", "full"): 1,
     }
-    assert grid.copies == copies[coarse.kinematics, coarse.domain]
+    assert grid.sector.copies == copies[coarse.kinematics, coarse.domain]
 
 
 def test_boundary_conditions_hold_on_all_sides(
@@ -84,13 +84,13 @@ def test_boundary_conditions_hold_on_all_sides(
     assert u_lx != 0.0
     close(left_x, u_lx)
     close(bottom_y, 0.0)
-    close(top_y, u_ty / 2 if coarse.quarter else u_ty)
-    if coarse.quarter or coarse.motion.axis:
+    close(top_y, u_ty / 2 if coarse.sector.half_height else u_ty)
+    if coarse.sector.half_height or coarse.motion.axis:
         close(right_x, 0.0)
     else:
         close(right_x, -u_lx)
         close(right_y, left_y)
-    if not coarse.quarter:
+    if not coarse.sector.half_height:
         close(top_x, bottom_x)
     # Nothing else is tied: u_y on the sides and u_x on bottom and top vary.
     for free in (left_y, right_y, bottom_x, top_x):
@@ -103,9 +103,9 @@ def test_no_more_displacements_are_tied_than_the_paper_says(
     nx, ny = Grid(coarse).cells
     m_x, m_y = 2 * nx + 1, 2 * ny + 1
     # u_x: the inner columns (top like bottom in the full domain) and u_Lx.
-    u_x = (m_x - 2) * (m_y if coarse.quarter else m_y - 1) + 1
+    u_x = (m_x - 2) * (m_y if coarse.sector.half_height else m_y - 1) + 1
     # u_y: the inner rows, right like left in the full plane strain domain.
-    tied = not coarse.quarter and not coarse.motion.axis
+    tied = not coarse.sector.half_height and not coarse.motion.axis
     u_y = (m_y - 2) * (m_x - 1 if tied else m_x)
     assert extraction.free == u_x + u_y
 

@@ -40,9 +40,9 @@ class Lagrangian:
         self.eta = ng.Parameter(0.0)
         if problem.motion.axis:
             self.r = problem.L / 2 - ng.x
-            self.measure = grid.copies * 2 * ng.pi * self.r
+            self.measure = grid.sector.copies * 2 * ng.pi * self.r
         else:
-            self.measure = ng.CF(grid.copies * problem.T)
+            self.measure = ng.CF(grid.sector.copies * problem.T)
         self.work, self.design = self._work(), self._design()
 
     def _tensor(self, x: str, y: str) -> ng.CoefficientFunction:
@@ -169,7 +169,7 @@ def test_the_transient_term_is_eq_12(flat: Flat) -> None:
     change.vec.FV().NumPy()[:] = system.extraction_chi @ (state.chi - flat.chi_old)
     direction = np.random.default_rng(1).uniform(-1, 1, system.coefficients)
     test.vec.FV().NumPy()[:] = system.extraction_chi @ direction
-    copies = scalar.grid.copies
+    copies = scalar.grid.sector.copies
     measure = 2 * ng.pi * (problem.L / 2 - ng.x) if problem.motion.axis else ng.CF(problem.T)
     density = change * test + problem.l_t**2 * ng.grad(change) * ng.grad(test)
     expected = copies * ng.Integrate(measure * density, scalar.grid.mesh, order=5) / flat.dt

@@ -9,11 +9,15 @@ import pytest
 from ngspring.analysis.response import load_displacement
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.cases import cases
+from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.laws import NeoHooke
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import scaled, with_similar_weights
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.full_block import block_force, uniaxial_stress
 from ngspring.problem.targets.plausibility import Finding, check_targets, strut_forces, volume_shift
+
+PLANE_STRAIN = KINEMATICS["plane strain"]
 
 
 def spring(*targets: tuple[float, float], **fields: object) -> SpringProblem:
@@ -52,13 +56,14 @@ def test_no_spring_stores_more_energy_than_the_block(coarse: SpringProblem) -> N
 def test_the_block_at_rest_has_no_force_and_cannot_vanish() -> None:
     assert block_force(cases["C4"], 0.0) == 0.0
     with pytest.raises(ProblemError, match="impossible"):
-        uniaxial_stress(0.0, 1.0, 1.0)
+        uniaxial_stress(0.0, NeoHooke(1.0, 1.0), PLANE_STRAIN)
 
 
 @pytest.mark.parametrize("stretch", [0.02, 0.5, 3.0])
 def test_the_block_scales_with_the_moduli_even_at_extreme_stretch(stretch: float) -> None:
-    one = uniaxial_stress(stretch, 5 / 3, 5 / 14)
-    assert uniaxial_stress(stretch, 5e6 / 3, 5e6 / 14) == pytest.approx(1e6 * one)
+    law = NeoHooke(5 / 3, 5 / 14)
+    one = uniaxial_stress(stretch, law, PLANE_STRAIN)
+    assert uniaxial_stress(stretch, law.scaled(1e6), PLANE_STRAIN) == pytest.approx(1e6 * one)
     assert one * (stretch - 1) > 0
 
 

@@ -104,9 +104,9 @@ def test_integers_become_floats_and_lists_become_tuples() -> None:
 def test_element_sizes_and_flags() -> None:
     problem = SpringProblem(POINTS, L=60, H=120, elements=40)
     assert (problem.h_x, problem.h_y) == (1.5, 3.0)
-    assert problem.quarter
+    assert problem.sector.half_height
     assert not problem.motion.axis
-    assert not problem.replace(domain="full").quarter
+    assert not problem.replace(domain="full").sector.half_height
     assert problem.replace(kinematics="axisymmetric").motion.axis
 
 

@@ -12,7 +12,7 @@ from netgen.occ import Circle as Disc
 
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.grid import Grid
-from ngspring.physics import energies
+from ngspring.physics.elasticity import strain_energy
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
@@ -101,7 +101,7 @@ def mechanics_of(
 ) -> ContactMechanics:
     """Any solid of the default material, 1 mm thick, with contact of its "surface"."""
     problem = spring()
-    solid = Solid(mesh, lambda u, grad_u: energies.strain_energy(u, grad_u, problem), matrix)
+    solid = Solid(mesh, lambda u, grad_u: strain_energy(u, grad_u, problem), matrix)
     contact = Contact(free_surface(mesh, "surface"), planes, law, lambda x: np.ones(len(x)))
     return ContactMechanics(solid, contact, Skeleton(mesh, "surface"), size)
 

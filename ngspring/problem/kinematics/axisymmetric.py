@@ -15,6 +15,7 @@ class Axisymmetric(Kinematics):
     width_name: ClassVar[str] = "D"
     across: ClassVar[str] = "diameter"
     width_word: ClassVar[str] = "diameter"
+    larger: ClassVar[str] = "a larger diameter"
     thick: ClassVar[bool] = False
     axis: ClassVar[bool] = True
     sweep: ClassVar[Literal["extruded", "revolved"]] = "revolved"
@@ -47,3 +48,7 @@ class Axisymmetric(Kinematics):
     def free_stretches(self, transverse: Value) -> tuple[Value, Value]:
         """Free in both transverse directions."""
         return transverse, transverse
+
+    def bending_stiffness(self, width: float, T: float, E: float, nu: float) -> float:
+        """Of a rod on the axis."""
+        return E * math.pi / 64 * width**4

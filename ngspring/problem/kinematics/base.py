@@ -24,6 +24,8 @@ class Kinematics(ABC):
         Letter of the equivalent width.
     across, width_word : str
         What L is, and what the equivalent width is called, in words.
+    larger : str
+        What gives a full block more force, in words.
     thick : bool
         Whether the thickness T counts.
     axis : bool
@@ -37,13 +39,17 @@ class Kinematics(ABC):
     width_name: ClassVar[str]
     across: ClassVar[str]
     width_word: ClassVar[str]
+    larger: ClassVar[str]
     thick: ClassVar[bool]
     axis: ClassVar[bool]
     sweep: ClassVar[Literal["extruded", "revolved"]]
 
     @abstractmethod
     def measure(self, x: Value, L: float, T: float) -> Value:
-        """Volume of the body per area of the plane, in mm, at places x in mm."""
+        """Volume of the body per area of the plane, in mm, at places x in mm.
+
+        A number where it is the same everywhere.
+        """
 
     @abstractmethod
     def F_33(self, u_x: Value, x: Value, L: float) -> Value:
@@ -64,6 +70,10 @@ class Kinematics(ABC):
     @abstractmethod
     def free_stretches(self, transverse: Value) -> tuple[Value, Value]:
         """Stretches in x and out of the plane of a uniform bar whose sides are free."""
+
+    @abstractmethod
+    def bending_stiffness(self, width: float, T: float, E: float, nu: float) -> float:
+        """Bending stiffness in N mm^2 of a straight bar of this width or diameter in mm."""
 
     def volume(self, L: float, H: float, T: float) -> float:
         """Volume of the full domain in mm^3."""

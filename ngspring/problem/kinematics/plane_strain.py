@@ -14,13 +14,14 @@ class PlaneStrain(Kinematics):
     width_name: ClassVar[str] = "W"
     across: ClassVar[str] = "length across the load"
     width_word: ClassVar[str] = "width"
+    larger: ClassVar[str] = "a larger T or L"
     thick: ClassVar[bool] = True
     axis: ClassVar[bool] = False
     sweep: ClassVar[Literal["extruded", "revolved"]] = "extruded"
 
     def measure(self, x: Value, L: float, T: float) -> Value:
         """The thickness T, everywhere."""
-        return T + 0 * x
+        return T
 
     def F_33(self, u_x: Value, x: Value, L: float) -> Value:
         """1 (Eq. 13)."""
@@ -40,4 +41,8 @@ class PlaneStrain(Kinematics):
 
     def free_stretches(self, transverse: Value) -> tuple[Value, Value]:
         """Free in x only."""
-        return transverse, 1.0 + 0 * transverse
+        return transverse, 1.0
+
+    def bending_stiffness(self, width: float, T: float, E: float, nu: float) -> float:
+        """Of a plate."""
+        return E / (1 - nu**2) * T * width**3 / 12

@@ -16,40 +16,26 @@ import math
 from scipy.optimize import brentq
 
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.kinematics.base import Kinematics
+from ngspring.problem.laws.base import Law, principal_stresses
 from ngspring.problem.spring import SpringProblem
 
 
-def _stresses(
-    log_x: float, log_y: float, K: float, G: float, axisymmetric: bool
-) -> tuple[float, float]:
-    """Kirchhoff stresses (transverse, axial) for principal log stretches (Eq. 17)."""
-    log_z = log_x if axisymmetric else 0.0
-    log_det = log_x + log_y + log_z
-    squares = [math.exp(2 * value) for value in (log_x, log_y, log_z)]
-    mean = sum(squares) / 3
-    isochoric = G * math.exp(-2 / 3 * log_det)
-    return (
-        K * log_det + isochoric * (squares[0] - mean),
-        K * log_det + isochoric * (squares[1] - mean),
-    )
-
-
-def uniaxial_stress(stretch: float, K: float, G: float, *, axisymmetric: bool = False) -> float:
-    """First Piola-Kirchhoff stress of a bar of the neo-Hookean solid, free to contract (Eq. 17).
+def uniaxial_stress(stretch: float, law: Law, kinematics: Kinematics) -> float:
+    """First Piola-Kirchhoff stress of a bar whose sides are free to move (Eq. 17).
 
     Parameters
     ----------
     stretch : float
         Length over original length.
-    K, G : float
-        Bulk and shear modulus.
-    axisymmetric : bool
-        Uniaxial stress, instead of plane strain with one free side.
+    law : Law
+    kinematics : Kinematics
+        Whether it is free to contract in x only, or in both transverse directions.
 
     Returns
     -------
     float
-        Force over original area, in the units of the moduli.
+        Force over original area in MPa.
 
     Raises
     ------
@@ -58,21 +44,25 @@ def uniaxial_stress(stretch: float, K: float, G: float, *, axisymmetric: bool = 
     """
     if not 0.0 < stretch < math.inf:
         raise ProblemError(f"a stretch of {stretch:g} is impossible: it must be positive")
-    log_y = math.log(stretch)
+    if stretch == 1.0:
+        return 0.0  # not what rounding would leave
 
-    def transverse(log_x: float) -> float:
-        return _stresses(log_x, log_y, K, G, axisymmetric)[0]
+    def stresses(log_x: float) -> tuple[float, float]:
+        """Transverse (Kirchhoff) and axial (nominal) stress."""
+        transverse = math.exp(log_x)
+        x, z = kinematics.free_stretches(transverse)
+        across, along, _ = principal_stresses(law, x, stretch, z)
+        return float(across) * transverse, float(along)
 
     # The transverse stress grows with the transverse stretch: its sign tells on which side of zero
     # the root is.
-    log_x, at_rest = 0.0, transverse(0.0)
+    log_x, at_rest = 0.0, stresses(0.0)[0]
     if at_rest != 0.0:
-        reach = -math.copysign(max(abs(log_y), 1e-3), at_rest)
-        while transverse(reach) * at_rest > 0.0:
+        reach = -math.copysign(max(abs(math.log(stretch)), 1e-3), at_rest)
+        while stresses(reach)[0] * at_rest > 0.0:
             reach *= 1.5
-        log_x = brentq(transverse, 0.0, reach, xtol=1e-15, rtol=1e-14)
-    axial = _stresses(log_x, log_y, K, G, axisymmetric)[1]
-    return axial / stretch
+        log_x = brentq(lambda value: stresses(value)[0], 0.0, reach, xtol=1e-15, rtol=1e-14)
+    return stresses(log_x)[1]
 
 
 def block_stress(problem: SpringProblem, d: float) -> float:
@@ -84,7 +74,7 @@ def block_stress(problem: SpringProblem, d: float) -> float:
         If d is not larger than -H.
     """
     stretch = 1 + d / problem.H
-    return uniaxial_stress(stretch, problem.K, problem.G, axisymmetric=problem.motion.axis)
+    return uniaxial_stress(stretch, problem.law, problem.motion)
 
 
 def block_force(problem: SpringProblem, d: float) -> float:

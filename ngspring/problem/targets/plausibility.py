@@ -155,7 +155,7 @@ def _block(problem: SpringProblem) -> Iterator[Finding]:
             f"q = {point.q:g} N at d = {point.d:g} mm is out of reach: a full solid block of"
             f" {problem.L:g} x {problem.H:g} mm of this material carries {bound:.4g} N there"
             f"{_thousand(problem, point)}. Take a stiffer material (at least {ratio:.3g} times), "
-            f"{'a larger diameter' if problem.motion.axis else 'a larger T or L'}, or less force",
+            f"{problem.motion.larger}, or less force",
         )
     if heavy:
         ratio, point, bound = max(heavy, key=lambda item: item[0])
@@ -187,10 +187,8 @@ def strut_forces(problem: SpringProblem, d: float) -> tuple[float, float]:
     width = 2 * max(problem.l_i, problem.h_x)
     stress = block_stress(problem, d)
     E, nu = young_and_poisson(problem.K, problem.G)
-    if problem.motion.axis:
-        area, bending = math.pi / 4 * width**2, E * math.pi / 64 * width**4
-    else:
-        area, bending = width * problem.T, E / (1 - nu**2) * problem.T * width**3 / 12
+    area = problem.motion.top_area(width, problem.T)
+    bending = problem.motion.bending_stiffness(width, problem.T, E, nu)
     return abs(stress) * area, 4 * math.pi**2 * bending / problem.H**2
 
 
@@ -210,7 +208,7 @@ def _soft(problem: SpringProblem) -> Iterator[Finding]:
             f" that the mesh resolves ({least:.3g} N){hint}. Only curved members that bend can do"
             " that: expect a design at the limit of resolution, or none that is connected. Take"
             " more elements with a smaller l_i, or a softer material"
-            f"{'' if problem.motion.axis else ', or a smaller T'}",
+            f"{', or a smaller T' if problem.motion.thick else ''}",
         )
 
 

@@ -20,12 +20,13 @@ from ngspring.fem.constraints import DisplacementExtraction
 from ngspring.fem.grid import Grid
 from ngspring.fem.process import tasks
 from ngspring.fem.reduction import csr_pattern, product_map, product_pattern
-from ngspring.physics import energies
+from ngspring.physics.chi import CF
+from ngspring.physics.elasticity import measure, strain_energy, virtual_work
 from ngspring.solid.mesh.body import Body
 
 #: Energy per area of the mesh (thickness or 2 pi r and the number of copies included) from u and
 #: its gradient.
-Density = Callable[[energies.CF, energies.CF], energies.CF]
+Density = Callable[[CF, CF], CF]
 
 #: Points where the energy is integrated, the same everywhere so that forces are its derivative.
 _RULE_ORDER = 4
@@ -92,7 +93,7 @@ class Solid:
         density: Density,
         matrix: sp.csr_matrix,
         floating: IntArray | None = None,
-        stretch_33: Callable[[energies.CF], energies.CF] | None = None,
+        stretch_33: Callable[[CF], CF] | None = None,
     ) -> None:
         self.mesh = mesh
         self.space = ng.VectorH1(mesh, order=2)
@@ -150,7 +151,7 @@ class Solid:
         self.set(full)
         return bool((self._at_samples(ng.Det(ng.Id(2) + ng.Grad(self.u))) <= 0.0).any())
 
-    def _at_samples(self, field: energies.CF) -> NDArray[np.float64]:
+    def _at_samples(self, field: CF) -> NDArray[np.float64]:
         rule = ng.IntegrationRule(list(_SAMPLES), [1.0] * len(_SAMPLES))
         return np.asarray(field(self.mesh.MapToAllElements(rule, ng.VOL)))
 
@@ -170,8 +171,8 @@ class Solid:
 
 def spring_density(body: Body) -> Density:
     """Energy density of a spring's solid: Eq. 14 with E(chi) = 1, for the whole spring."""
-    measure = energies.measure(Grid(body.problem))
-    return lambda u, grad_u: measure * energies.strain_energy(u, grad_u, body.problem)
+    problem = body.problem
+    return lambda u, grad_u: measure(problem) * strain_energy(u, grad_u, problem)
 
 
 def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
@@ -189,9 +190,9 @@ def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
     # One over H for the quarter, too: it is stretched by half a millimetre over half the height.
     height = body.problem.H
     v, grad_v = ng.CF((0, ng.y / height)), ng.CF((0, 0, 0, 1 / height), dims=(2, 2))
-    work = energies.virtual_work(solid.u, ng.Grad(solid.u), v, grad_v, body.problem)
+    work = virtual_work(solid.u, ng.Grad(solid.u), v, grad_v, body.problem)
     with tasks():
-        total = energies.measure(Grid(body.problem)) * work * ng.dx(intrules=_rules())
+        total = measure(body.problem) * work * ng.dx(intrules=_rules())
         return float(ng.Integrate(total, solid.mesh))
 
 
@@ -206,10 +207,10 @@ def side_force(body: Body, solid: Solid, full: FloatArray, side: str) -> float:
     grid = Grid(body.problem)
     at_side = ng.BoundaryFromVolumeCF(ng.Grad(solid.u))
     zero, vertical = ng.CF((0, 0)), ng.CF((0, 0, 0, 1), dims=(2, 2))
-    stress = energies.virtual_work(solid.u, at_side, zero, vertical, body.problem)
-    share = 0.5 if grid.half_height else 1.0
+    stress = virtual_work(solid.u, at_side, zero, vertical, body.problem)
+    share = grid.sector.share
     with tasks():
-        total = energies.measure(grid) * stress * ng.ds(side, bonus_intorder=4)
+        total = measure(body.problem) * stress * ng.ds(side, bonus_intorder=4)
         return share * float(ng.Integrate(total, solid.mesh))
 
 

@@ -13,9 +13,8 @@ from ngspring.analysis.path import checked_displacements
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
-from ngspring.fem.grid import Grid
 from ngspring.fem.process import parallel
-from ngspring.physics import energies
+from ngspring.physics.elasticity import F_33
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, section_force, side_force, spring_density
@@ -172,14 +171,11 @@ def contact_mechanics(
         spring_density(body),
         supports.extraction.matrix,
         supports.floating,
-        lambda u: energies.hoop_stretch(u, problem),
+        lambda u: F_33(u, problem),
     )
-    copies = Grid(problem).copies
 
     def measure(places: FloatArray) -> FloatArray:
-        if problem.motion.axis:
-            return np.asarray(copies * 2 * np.pi * (problem.L / 2 - places[:, 0]))
-        return np.full(len(places), copies * problem.T)
+        return np.broadcast_to(problem.measure(places[:, 0]), len(places))
 
     contact = Contact(
         free_surface(body.mesh, SURFACE),

@@ -111,33 +111,33 @@ def spring_supports(body: Body) -> Supports:
         weight[dofs[vertex]] = factor
         weight[dofs[~vertex]] = 0.0
 
-    if not grid.half_height:
+    if not grid.sector.half_height:
         pairs = matching(places, vertices, top, bottom, 0, 1e-6 * height)
         parent[pairs[:, 0]] = pairs[:, 1]
     u_lx = next((int(dofs[0]) for dofs in (left, right) if len(dofs)), None)
     if u_lx is not None:
         tie(left, u_lx, 1.0)
-    if grid.half_width:
+    if grid.sector.half_width:
         weight[right] = 0.0
     elif u_lx is not None:
         tie(right, u_lx, -1.0 if len(left) else 1.0)
         pairs = matching(places, vertices, right, left, 1, 1e-6 * height)
         parent[n + pairs[:, 0]] = n + pairs[:, 1]
-    share = 0.5 if grid.half_height else 1.0
+    share = grid.sector.share
     u_ty = n + int(top[0])
     weight[n + bottom] = 0.0
     tie(n + top, u_ty, share)
     extraction, unknown = numbered(parent, weight, u_ty)
 
     planes = [Plane("bottom", (0.0, 1.0), 0.0), Plane("top", (0.0, -1.0), -height, u_ty)]
-    if grid.half_width and not body.problem.motion.axis:
+    if any(mirror.axis == 0 and not mirror.rotation for mirror in grid.sector.mirrors):
         planes.append(Plane("right", (-1.0, 0.0), -width))
     if len(left):
         planes.append(Plane("left", (1.0, 0.0), 0.0, int(left[0])))
-    if not grid.half_width and len(right):
+    if not grid.sector.half_width and len(right):
         planes.append(Plane("right", (-1.0, 0.0), -width, int(right[0])))
     floating = np.zeros(0, np.int64)
-    if not body.problem.motion.axis:
+    if not grid.sector.rotation:
         floating = _floating(mesh, extraction, unknown, n)
     on_top, on_bottom = (n + dofs[dofs < vertices] for dofs in (top, bottom))
     return Supports(extraction, floating, tuple(planes), on_top, on_bottom, share)

@@ -116,7 +116,7 @@ def mesh_body(
     sizes = Sizes(elements_across, angle, smallest, largest)
     boundary = survey(solid)
     mesh, across = _mesh_with_walls(solid, boundary, sizes)
-    if domain == "full" and ls.problem.quarter:
+    if domain == "full" and ls.problem.domain != domain:
         mesh = mirrored(mesh, ls)
         body_problem = ls.problem.replace(domain="full")
         area = solid.area * len(mesh.triangles) / mesh.quarter_elements

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.solid.mesh.triangles import TriangleMesh, mirrored
-from ngspring.solid.mesh.wallsize import Boundary, mirror_images
+from ngspring.solid.mesh.wallsize import Boundary
 from ngspring.solid.outline.levelset import LevelSet
 
 
@@ -119,7 +119,9 @@ def layers_across(mesh: TriangleMesh, boundary: Boundary, ls: LevelSet) -> IntAr
     wall = np.flatnonzero(boundary.opposite >= 0)
     if not wall.size:
         return result
-    images = np.vstack([offset + sign * boundary.points for sign, offset in mirror_images(ls)])
+    images = np.vstack(
+        [offset + sign * boundary.points for sign, offset in ls.problem.sector.images()]
+    )
     start = on_edge[tree.query(boundary.points[wall])[1]]
     end = on_edge[tree.query(images[boundary.opposite[wall]])[1]]
     sources, row = np.unique(start, return_inverse=True)

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ngspring.basics.arrays import FloatArray, IntArray
+from ngspring.problem.sector import Mirror
 from ngspring.solid.outline.levelset import LevelSet
 from ngspring.solid.sides import SIDES, SURFACE
 
@@ -116,21 +117,19 @@ def mirrored(mesh: TriangleMesh, ls: LevelSet, axis_too: bool = False) -> Triang
     Coordinates of images are ``L - x`` and ``H - y`` bit by bit; nodes on a mirror line are shared.
     The axis of an axisymmetric spring counts as a mirror line only if asked for.
     """
-    problem = ls.problem
-    for side, far, axis, size in (("right", "left", 0, problem.L), ("top", "bottom", 1, problem.H)):
-        if side in ls.mirrors and (axis_too or not (axis == 0 and problem.motion.axis)):
-            mesh = _reflected(mesh, side, far, axis, size)
+    for mirror in ls.problem.sector.mirrors:
+        if axis_too or not mirror.rotation:
+            mesh = _reflected(mesh, mirror)
     return mesh
 
 
-def _reflected(mesh: TriangleMesh, side: str, far: str, axis: int, size: float) -> TriangleMesh:
-    line = NAMES.index(side)
+def _reflected(mesh: TriangleMesh, mirror: Mirror) -> TriangleMesh:
+    line = NAMES.index(mirror.side)
     total = len(mesh.points)
     shared = np.zeros(total, bool)
     shared[np.unique(mesh.segments[mesh.names == line])] = True
-    shared |= mesh.points[:, axis] == size / 2
-    images = mesh.points[~shared].copy()
-    images[:, axis] = size - images[:, axis]
+    shared |= mesh.points[:, mirror.axis] == mirror.size / 2
+    images = mirror.places(mesh.points[~shared])
     is_vertex = np.arange(total) < mesh.vertices
     new_vertices = int((is_vertex & ~shared).sum())
     # Vertices stay in front: old ones, their images, old middles, their images.
@@ -145,7 +144,7 @@ def _reflected(mesh: TriangleMesh, side: str, far: str, axis: int, size: float) 
     flip = [0, 2, 1, 5, 4, 3]
     kept = mesh.names != line
     names = mesh.names[kept]
-    far_names = np.where(names == NAMES.index(far), line, names)
+    far_names = np.where(names == NAMES.index(mirror.far), line, names)
     segments = mesh.segments[kept]
     return TriangleMesh(
         points,

@@ -136,18 +136,6 @@ def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:
     )
 
 
-def mirror_images(ls: LevelSet) -> list[tuple[FloatArray, FloatArray]]:
-    """Signs and offsets of the mirrored copies: image = offset + sign * point, itself first."""
-    problem = ls.problem
-    images = [(np.array([1.0, 1.0]), np.zeros(2))]
-    for side, axis, size in (("right", 0, problem.L), ("top", 1, problem.H)):
-        if side in ls.mirrors:
-            flip, shift = np.ones(2), np.zeros(2)
-            flip[axis], shift[axis] = -1.0, size
-            images += [(sign * flip, offset * flip + shift) for sign, offset in images]
-    return images
-
-
 def _thickness(
     ls: LevelSet,
     points: FloatArray,
@@ -157,7 +145,7 @@ def _thickness(
 ) -> tuple[FloatArray, IntArray]:
     """Diameter of the maximal inscribed disc at each point; ``inner`` ones are not on a surface."""
     n = len(points)
-    images = mirror_images(ls)
+    images = ls.problem.sector.images()
     all_points = np.vstack([offset + sign * points for sign, offset in images])
     all_normals = np.vstack([sign * normals for sign, _ in images])
     surface = np.flatnonzero(np.tile(~inner, len(images)))

@@ -18,7 +18,8 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import OutlineError, ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.grid import Grid
-from ngspring.problem.spring import DOMAINS, SpringProblem
+from ngspring.problem.sector import DOMAINS
+from ngspring.problem.spring import SpringProblem
 
 #: A vectorised function chi(x, y); x and y in mm from the lower left corner of the full domain.
 ChiFunction: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
@@ -66,9 +67,7 @@ class LevelSet:
     @property
     def mirrors(self) -> tuple[str, ...]:
         """Sides of the rectangle on which the solid continues as its mirror image."""
-        grid = Grid(self.problem)
-        sides = (("right", grid.half_width), ("top", grid.half_height))
-        return tuple(side for side, mirrored in sides if mirrored)
+        return tuple(mirror.side for mirror in self.problem.sector.mirrors)
 
     def normals(self, points: FloatArray) -> FloatArray:
         """Unit vectors into the solid (along grad chi), shape (n, 2)."""
@@ -251,11 +250,11 @@ def is_symmetric(chi: ChiFunction, problem: SpringProblem) -> bool:
     """
     random = np.random.default_rng(0)
     x, y = random.uniform(size=(2, _SAMPLES)) * [[problem.L], [problem.H]]
-    if problem.motion.axis:
+    sector = problem.replace(domain="quarter").sector
+    if sector.rotation:
         x = x / 2
     here = _evaluate(chi, x, y)
     scale = _SYMMETRIC * max(float(np.abs(here).max()), 1e-300)
-    images = [_evaluate(chi, x, problem.H - y)]
-    if not problem.motion.axis:
-        images.append(_evaluate(chi, problem.L - x, y))
-    return all(bool(np.abs(image - here).max() <= scale) for image in images)
+    places = np.column_stack([x, y])
+    images = [mirror.places(places) for mirror in sector.mirrors if not mirror.rotation]
+    return all(bool(np.abs(_evaluate(chi, *image.T) - here).max() <= scale) for image in images)

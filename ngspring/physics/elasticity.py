@@ -1,0 +1,119 @@
+"""Strain energy and virtual work of a spring's solid: Eqs. 13, 14, 16, 17, 21, 22, 24.
+
+The law (`ngspring.problem.laws`) knows a 3 x 3 deformation gradient, the kinematics
+(`ngspring.problem.kinematics`) what displacements in the plane make of it; here they meet as
+expressions of NGSolve.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import ngsolve as ng
+
+from ngspring.physics.chi import CF
+from ngspring.problem.spring import SpringProblem
+
+
+class Gradient:
+    """A deformation gradient whose third axis is out of the plane, for `Law.energy`.
+
+    Parameters
+    ----------
+    in_plane : ngsolve.CoefficientFunction (2, 2)
+    F_33 : ngsolve.CoefficientFunction
+    """
+
+    def __init__(self, in_plane: CF, F_33: CF) -> None:
+        self.in_plane = in_plane
+        self.F_33 = F_33
+
+    @cached_property
+    def J(self) -> CF:
+        """det F."""
+        return ng.Det(self.in_plane) * self.F_33
+
+    @cached_property
+    def log_J(self) -> CF:
+        """ln det F."""
+        return ng.log(self.J)
+
+    @cached_property
+    def I_1(self) -> CF:
+        """F : F."""
+        return ng.InnerProduct(self.in_plane, self.in_plane) + self.F_33 * self.F_33
+
+    @cached_property
+    def I_2(self) -> CF:
+        """Second invariant of F^T F."""
+        det = ng.Det(self.in_plane)
+        squares = ng.InnerProduct(self.in_plane, self.in_plane)
+        return det * det + squares * self.F_33 * self.F_33
+
+    @cached_property
+    def matrix(self) -> CF:
+        """F, (3, 3)."""
+        f = self.in_plane
+        rows = (f[0, 0], f[0, 1], 0, f[1, 0], f[1, 1], 0, 0, 0, self.F_33)
+        return ng.CF(rows, dims=(3, 3))
+
+    def exp(self, x: CF) -> CF:
+        """Exponential function."""
+        return ng.exp(x)
+
+    def log(self, x: CF) -> CF:
+        """Natural logarithm."""
+        return ng.log(x)
+
+
+def measure(problem: SpringProblem) -> CF:
+    """What turns an integral over the mesh into one over the whole spring, in mm.
+
+    ``T`` (plane strain) or ``2 pi r`` (axisymmetric, Eq. 24), times the number of mirrored copies.
+    """
+    return ng.CF(problem.measure(ng.x))
+
+
+def F_33(u: CF, problem: SpringProblem) -> CF:
+    """Stretch out of the plane: 1 in plane strain (Eq. 13), 1 + u_r / r axisymmetric (Eq. 21)."""
+    return ng.CF(problem.motion.F_33(u[0], ng.x, problem.L))
+
+
+def gradient(u: CF, grad_u: CF, problem: SpringProblem) -> Gradient:
+    """Deformation gradient of a displacement field (Eq. 13 or Eq. 21)."""
+    return Gradient(ng.Id(2) + grad_u, F_33(u, problem))
+
+
+def strain_energy(u: CF, grad_u: CF, problem: SpringProblem) -> CF:
+    """Strain energy density of the solid, Eq. 14 without E(chi), in MPa."""
+    return problem.law.energy(gradient(u, grad_u, problem))
+
+
+def virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -> CF:
+    """P(u) : delta F, Eqs. 16, 17 and 22: the derivative of `strain_energy` in direction v.
+
+    From the law's partial derivatives where it has them, otherwise taken by NGSolve.
+    """
+    F = gradient(u, grad_u, problem)
+    partial = problem.law.partial_derivatives(F)
+    if partial is None:
+        return automatic_virtual_work(u, grad_u, v, grad_v, problem)
+    by_I_1, by_log_J = partial
+    stress = by_log_J * ng.Inv(F.in_plane).trans + 2 * by_I_1 * F.in_plane
+    work = ng.InnerProduct(stress, grad_v)
+    delta_F_33 = problem.motion.delta_F_33(v[0], ng.x, problem.L)
+    if delta_F_33 is not None:
+        work = work + (by_log_J / F.F_33 + 2 * by_I_1 * F.F_33) * delta_F_33
+    return work
+
+
+def automatic_virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -> CF:
+    """The same as NGSolve's derivative of the energy, for any law."""
+    in_plane = (ng.Id(2) + grad_u).MakeVariable()
+    out_of_plane = F_33(u, problem).MakeVariable()
+    energy = problem.law.energy(Gradient(in_plane, out_of_plane))
+    work = ng.InnerProduct(energy.Diff(in_plane), grad_v)
+    delta_F_33 = problem.motion.delta_F_33(v[0], ng.x, problem.L)
+    if delta_F_33 is not None:
+        work = work + energy.Diff(out_of_plane) * delta_F_33
+    return work

@@ -1,0 +1,11 @@
+"""The terms of the objective C beside the control points'; a new one is a file and a line here."""
+
+from __future__ import annotations
+
+from ngspring.physics.terms.base import Term
+from ngspring.physics.terms.curvature import Curvature
+from ngspring.physics.terms.interface import Interface
+from ngspring.physics.terms.volume import Volume
+
+#: In the order of Eq. 11, which is that of the history's columns.
+TERMS: tuple[Term, ...] = (Volume(), Interface(), Curvature())

@@ -1,0 +1,42 @@
+"""Material laws; a new one is a file and a line here."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from ngspring.basics.checks import nearest, shown
+from ngspring.basics.errors import ProblemError
+from ngspring.problem.laws.base import Law as Law
+from ngspring.problem.laws.neo_hooke import NeoHooke as NeoHooke
+
+#: By name, the paper's first.
+LAWS: Mapping[str, type[Law]] = MappingProxyType({law.name: law for law in (NeoHooke,)})
+
+
+def law_from(described: Mapping[str, object]) -> Law:
+    """A law from a table with its name as ``law``, and its parameters.
+
+    Raises
+    ------
+    ProblemError
+        If there is no such law, or a parameter is unknown, missing or not valid.
+    """
+    name = described.get("law")
+    if not isinstance(name, str) or name.casefold() not in LAWS:
+        hint = f" (did you mean {nearest(name, LAWS)!r}?)" if isinstance(name, str) else ""
+        raise ProblemError(
+            f"material.law = {shown(name)} is not valid: it must be {' or '.join(LAWS)}{hint}"
+        )
+    law = LAWS[name.casefold()]
+    names = [field.name for field in dataclasses.fields(law)]  # type: ignore[arg-type]
+    given = {key: value for key, value in described.items() if key != "law"}
+    for key in given:
+        if key not in names:
+            meant = nearest(key, names)
+            raise ProblemError(f"unknown key {shown(key)} in material: did you mean {meant!r}?")
+    missing = [key for key in names if key not in given]
+    if missing:
+        raise ProblemError(f"missing key {missing[0]!r} in material: {law.name} needs it")
+    return law(**given)

@@ -1,0 +1,150 @@
+"""What every material law says: an energy of a 3 x 3 deformation gradient."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
+from ngspring.problem.kinematics.base import Value
+
+Self = TypeVar("Self", bound="Law")
+
+
+class Deformation(Protocol):
+    """What a law may ask of a deformation gradient F, with the functions for its kind of numbers.
+
+    `Stretches` is one of numbers and arrays, `ngspring.physics.deformation.Gradient` one of
+    NGSolve.
+
+    Attributes
+    ----------
+    J, log_J : value
+        det F, and its logarithm.
+    I_1 : value
+        F : F, the first invariant of F^T F.
+    """
+
+    @property
+    def J(self) -> Value:
+        """det F."""
+
+    @property
+    def log_J(self) -> Value:
+        """ln det F."""
+
+    @property
+    def I_1(self) -> Value:
+        """F : F."""
+
+    @property
+    def I_2(self) -> Value:
+        """Second invariant of F^T F."""
+
+    def exp(self, x: Value) -> Value:
+        """Exponential function."""
+
+    def log(self, x: Value) -> Value:
+        """Natural logarithm."""
+
+
+class Law(ABC):
+    """A hyperelastic law; subclasses are frozen dataclasses of their parameters.
+
+    The parameters that are stresses are named in `stresses`, so that similar problems have similar
+    laws (`scaled`).
+
+    Attributes
+    ----------
+    name : str
+        As in a TOML file.
+    stresses : tuple of str
+        Parameters in MPa; the others have no dimension.
+    """
+
+    name: ClassVar[str]
+    stresses: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def energy(self, F: Deformation) -> Value:
+        """Strain energy density in MPa, zero without deformation."""
+
+    @property
+    @abstractmethod
+    def initial_moduli(self) -> tuple[float, float]:
+        """Bulk and shear modulus K, G in MPa at small strains."""
+
+    def partial_derivatives(self, F: Deformation) -> tuple[Value, Value] | None:
+        """d energy / d I_1 and J d energy / d J, where they are worth writing by hand.
+
+        Only for an energy of I_1 and J. None: the derivatives are taken automatically.
+        """
+        return None
+
+    def scaled(self: Self, stress: float) -> Self:
+        """The law of the similar material whose stresses are so many times larger."""
+        factors = {name: getattr(self, name) * stress for name in self.stresses}
+        return dataclasses.replace(self, **factors)  # type: ignore[type-var]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters by their names."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """A deformation given by its principal stretches, numbers or arrays (real or complex)."""
+
+    first: Any
+    second: Any
+    third: Any
+
+    @property
+    def J(self) -> Value:
+        """det F."""
+        return self.first * self.second * self.third
+
+    @property
+    def log_J(self) -> Value:
+        """ln det F, without the rounding of the product."""
+        return self.log(self.first) + self.log(self.second) + self.log(self.third)
+
+    @property
+    def I_1(self) -> Value:
+        """F : F."""
+        return self.first**2 + self.second**2 + self.third**2
+
+    @property
+    def I_2(self) -> Value:
+        """Second invariant of F^T F."""
+        a, b, c = self.first**2, self.second**2, self.third**2
+        return a * b + b * c + c * a
+
+    def exp(self, x: Value) -> Value:
+        """Exponential function."""
+        return np.exp(x)
+
+    def log(self, x: Value) -> Value:
+        """Natural logarithm."""
+        return np.log(x)
+
+
+def principal_stresses(
+    law: Law, first: Value, second: Value, third: Value
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Principal nominal (first Piola-Kirchhoff) stresses in MPa for given principal stretches.
+
+    Derivatives of the energy by a complex step, exact to rounding.
+    """
+    stretches = [np.asarray(value, dtype=complex) for value in (first, second, third)]
+    step = 1e-200  # whose square is zero
+    stresses = []
+    for k in range(3):
+        moved = [value + (1j * step if i == k else 0.0) for i, value in enumerate(stretches)]
+        stresses.append(np.asarray(np.imag(law.energy(Stretches(*moved))) / step))
+    return stresses[0], stresses[1], stresses[2]
