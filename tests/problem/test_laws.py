@@ -1,0 +1,92 @@
+"""A law is an energy of a deformation gradient; its stresses and moduli follow from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ngspring import SpringProblem, scaled
+from ngspring.basics.errors import ProblemError
+from ngspring.problem.laws import LAWS, NeoHooke, law_from
+from ngspring.problem.laws.base import Stretches, principal_stresses
+
+STRETCHES = st.floats(0.2, 5.0)
+LAW = NeoHooke(K=5 / 3, G=5 / 14)
+
+
+@given(a=STRETCHES, b=STRETCHES, c=STRETCHES)
+def test_neo_hooke_has_the_stresses_of_eq_17(a: float, b: float, c: float) -> None:
+    J, mean = a * b * c, (a**2 + b**2 + c**2) / 3
+    for stretch, stress in zip((a, b, c), principal_stresses(LAW, a, b, c), strict=True):
+        kirchhoff = LAW.K * np.log(J) + LAW.G * J ** (-2 / 3) * (stretch**2 - mean)
+        assert stress * stretch == pytest.approx(kirchhoff, rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_initial_moduli_are_those_of_the_energy(name: str) -> None:
+    law = LAWS[name](K=2.0, G=0.7)  # type: ignore[call-arg]
+    K, G = law.initial_moduli
+    e = 1e-6
+    volumetric = principal_stresses(law, 1 + e, 1 + e, 1 + e)[0]
+    assert volumetric / (3 * e) == pytest.approx(K, rel=1e-5)
+    shear = principal_stresses(law, 1 + e, 1 / (1 + e), 1.0)[0]
+    assert shear / (2 * e) == pytest.approx(G, rel=1e-5)
+    assert law.energy(Stretches(1.0, 1.0, 1.0)) == pytest.approx(0.0, abs=1e-15)
+    assert law.scaled(3.0).initial_moduli == pytest.approx((3 * K, 3 * G))
+
+
+def test_stresses_of_many_stretches_come_in_their_order() -> None:
+    a = np.array([2.0, 0.5, 1.0])
+    together = principal_stresses(LAW, a, 1.0, 1.0)[0]
+    alone = [float(principal_stresses(LAW, x, 1.0, 1.0)[0]) for x in a]
+    np.testing.assert_allclose(together, alone, rtol=0, atol=1e-14)
+
+
+# -- in a problem and its file ---------------------------------------------------------------------
+
+POINT = "[[control_points]]\nd = 10\nq = 2\n"
+
+
+def test_a_table_names_the_law_of_a_problem() -> None:
+    text = f'[material]\nlaw = "neo-hooke"\nK = 2.0\nG = 0.5\n{POINT}'
+    problem = SpringProblem.from_toml(text)
+    assert problem.law == NeoHooke(2.0, 0.5)
+    assert problem == SpringProblem(problem.control_points, K=2.0, G=0.5)
+    assert SpringProblem.from_toml(problem.to_toml()) == problem
+
+
+def test_the_law_of_a_similar_problem_is_similar() -> None:
+    problem = SpringProblem.from_toml(POINT)
+    assert scaled(problem, stress=7.0).law == problem.law.scaled(7.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "part"),
+    [
+        ('law = "neohooke"\nK = 1.0\nG = 1.0', "did you mean 'neo-hooke'"),
+        ("K = 1.0\nG = 1.0", "material.law = None"),
+        ('law = "neo-hooke"\nK = 1.0', "missing key 'G'"),
+        ('law = "neo-hooke"\nK = 1.0\nG = 1.0\nnu = 0.4', "unknown key 'nu' in material"),
+        ('law = "neo-hooke"\nK = 1.0\nG = -1.0', "G = -1.0"),
+        ('law = "neo-hooke"\nK = "1"\nG = 1.0', "K = '1'"),
+    ],
+)
+def test_a_table_that_is_no_law_is_refused(table: str, part: str) -> None:
+    with pytest.raises(ProblemError, match=part):
+        SpringProblem.from_toml(f"[material]\n{table}\n{POINT}")
+
+
+@pytest.mark.parametrize("key", ["K = 1.0", "G = 1.0", "E = 1.0", "nu = 0.4", "shore_A = 40"])
+def test_a_law_and_moduli_describe_the_material_twice(key: str) -> None:
+    table = '[material]\nlaw = "neo-hooke"\nK = 1.0\nG = 1.0'
+    with pytest.raises(ProblemError, match="described twice"):
+        SpringProblem.from_toml(f"{key}\n{table}\n{POINT}")
+
+
+def test_what_is_no_law_is_refused() -> None:
+    with pytest.raises(ProblemError, match="material"):
+        SpringProblem.from_toml(POINT).replace(material="rubber")
+    with pytest.raises(ProblemError, match="law"):
+        law_from({"law": 3})
