@@ -40,7 +40,8 @@ from ngsolve.meshes import MakeStructured2DMesh
 from ngspring import ControlPoint, SpringProblem
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.process import parallel, tasks
-from ngspring.physics import energies
+from ngspring.physics.elasticity import strain_energy
+from ngspring.physics.void import void_regularisation_scale
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, numbered
 from ngspring.solid.contact.mechanics import ContactMechanics
@@ -103,7 +104,7 @@ def real_contact(displacements: Sequence[float], maxh: float = 0.1) -> Curve:
     parent[n + patch] = n + driven
     weight[n + patch[patch >= vertices]] = 0.0
     matrix = numbered(parent, weight, n + driven)[0].matrix
-    solid = Solid(mesh, lambda u, grad_u: energies.strain_energy(u, grad_u, PROBLEM), matrix)
+    solid = Solid(mesh, lambda u, grad_u: strain_energy(u, grad_u, PROBLEM), matrix)
     contact = Contact(free_surface(mesh, "surface"), (), LAW, lambda x: np.ones(len(x)))
     mechanics = ContactMechanics(solid, contact, Skeleton(mesh, "surface"), HEIGHT)
     points, message = follow_contact(mechanics, np.array(displacements), mechanics.at_rest())
@@ -132,8 +133,8 @@ def third_medium(displacements: Sequence[float], elements: int = 40) -> Curve:
     hesse = u.Operator("hesse")
     wall = ng.IfPos(ng.x - WALL, ng.IfPos(WALL - ng.y, 1, ng.IfPos(ng.y - HEIGHT + WALL, 1, 0)), 1)
     solid = ng.IfPos(LENGTH - ng.x, wall, 0)
-    scale = energies.void_regularisation_scale(PROBLEM)
-    density = (solid + (1 - solid) * PROBLEM.E_0) * energies.strain_energy(u, ng.Grad(u), PROBLEM)
+    scale = void_regularisation_scale(PROBLEM)
+    density = (solid + (1 - solid) * PROBLEM.E_0) * strain_energy(u, ng.Grad(u), PROBLEM)
     density += (1 - solid) * scale / 2 * ng.InnerProduct(hesse, hesse)
     form = ng.BilinearForm(space, symmetric=True)
     form += ng.Variation(density.Compile() * ng.dx)

@@ -17,7 +17,8 @@ import numpy as np
 from figures import read_options, save
 
 from ngspring import cases
-from ngspring.view.design import offsets_figure, ramp
+from ngspring.physics.chi import stiffness
+from ngspring.view.design import offsets_figure
 
 OFFSETS = (-2.0, 0.0, 2.0)
 # Slopes of 8 / l_i, with an interface of l_i = 8 mm so that it can be seen.
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[float, float]:
     chi = np.mean([np.interp(x + shift, X, CHI) for shift in np.linspace(-3, 3, 61)], axis=0)
     save(offsets_figure(x, chi, cases["T1"], OFFSETS), options, "fig15")
     middle = np.array([chi[600]])
-    return {eta: float(ramp(middle + eta, cases["T1"])[0]) for eta in OFFSETS}
+    return {eta: float(stiffness(middle + eta, cases["T1"])[0]) for eta in OFFSETS}
 
 
 if __name__ == "__main__":

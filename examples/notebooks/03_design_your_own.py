@@ -35,7 +35,7 @@ from ngsolve.webgui import Draw
 import ngspring
 from ngspring import ControlPoint, SpringProblem
 from ngspring.analysis.states import control_point_responses
-from ngspring.physics.energies import rho
+from ngspring.physics.chi import rho
 from ngspring.view.curves import draw_curve
 from ngspring.view.design import draw_design
 from ngspring.view.fields import design_fields

@@ -39,8 +39,8 @@ from ngsolve.webgui import Draw
 
 import ngspring
 from ngspring.analysis.states import force_at, full_displacement, index_of
-from ngspring.physics.energies import rho
-from ngspring.view.design import draw_design, offsets_figure, ramp
+from ngspring.physics.chi import rho, stiffness
+from ngspring.view.design import draw_design, offsets_figure
 from ngspring.view.fields import design_fields
 from ngspring.view.figure import new_figure
 from ngspring.view.rows import Panel, Row, rows_figure
@@ -142,9 +142,9 @@ figure = offsets_figure(y, plain.chi(50.0, y), plain_problem, (-2.0, 0.0, 2.0))
 figure.axes[-1].set_xlabel("y [mm]")
 for name, design in (("not robust", plain), ("robust", robust)):
     chi_middle = design.chi(50.0, 50.0)
-    stiffness = ", ".join(f"{ramp(chi_middle + eta, plain_problem):.3f}" for eta in (-2, 0, 2))
+    values = ", ".join(f"{stiffness(chi_middle + eta, plain_problem):.3f}" for eta in (-2, 0, 2))
     print(f"{name}: density {design.density(50.0, 50.0):.3f} in the middle of the spring,")
-    print(f"    stiffness eroded, blueprint, dilated: {stiffness}")
+    print(f"    stiffness eroded, blueprint, dilated: {values}")
 figure
 
 # %% [markdown]

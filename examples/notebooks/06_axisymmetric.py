@@ -40,7 +40,8 @@ from scipy.optimize import brentq
 import ngspring
 from ngspring import ControlPoint, SpringProblem
 from ngspring.analysis.states import control_point_responses
-from ngspring.physics.energies import radius, rho
+from ngspring.physics.chi import rho
+from ngspring.physics.elasticity import measure
 from ngspring.solid.outline.outline import outline
 from ngspring.solid.sides import SURFACE
 from ngspring.view.design import density_figure
@@ -87,7 +88,7 @@ def uniaxial(d, hoop=True):
     return stress(along, *state(s))
 
 
-r = radius(problem)
+r = problem.L / 2 - ng.x
 bodies = {
     "solid cylinder, r < 50 mm": (ng.CF(100.0), np.pi * 50**2),
     "tube, 20 mm < r < 40 mm": (
@@ -130,7 +131,7 @@ density_figure(design)
 
 # %%
 mesh, chi, _ = design_fields(design)
-V = 2 * ng.Integrate(2 * ng.pi * radius(design.problem) * rho(chi), mesh, order=5)
+V = ng.Integrate(measure(design.problem) * rho(chi), mesh, order=5)
 D = np.sqrt(4 * V / (np.pi * design.problem.H))
 print(f"V = {V:.1f} mm^3 (ngspring: {design.volume:.1f}), D/H = {D / design.problem.H:.4f}")
 across = design.density(np.linspace(0.5, 99.5, 100)[:, None], np.linspace(0.5, 99.5, 100)[None, :])

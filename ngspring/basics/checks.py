@@ -62,7 +62,7 @@ def positive_number(field: str, value: object) -> float:
     """
     number = finite_number(field, value)
     if number <= 0.0:
-        raise refused(field, value, "positive")
+        raise refused(field, number, "positive")
     return number
 
 

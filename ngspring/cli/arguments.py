@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import DesignFileError, ProblemError, RunFolderError
-from ngspring.evolution.folder import read_design
 from ngspring.problem.cases import cases, get_case
 from ngspring.problem.spring import SpringProblem
 
@@ -55,6 +54,7 @@ def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, st
     """
     from ngspring.design.design import Design
     from ngspring.design.gallery import UnknownDesignError, gallery
+    from ngspring.evolution.folder import read_design
 
     if text == "column":
         return Design.column(problem), text

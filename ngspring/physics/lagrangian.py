@@ -21,13 +21,12 @@ from collections.abc import Sequence
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
-from scipy.special import expit
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.grid import ScalarSpace
 from ngspring.fem.process import tasks
 from ngspring.fem.reduction import form_matrix
-from ngspring.physics.chi import CF, stiffness
+from ngspring.physics.chi import CF, rho, stiffness
 from ngspring.physics.elasticity import measure, virtual_work
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Fields, Term
@@ -207,5 +206,5 @@ class DesignForm:
             for name, form in self.terms.items()
         }
         at_points = chi[self._table.dofs] @ self._table.value.T
-        values["V"] = float((self._table.weights * expit(at_points)).sum())
+        values["V"] = float((self._table.weights * rho(at_points)).sum())
         return values

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.special import expit
 
 from ngspring.analysis.states import interpolation
 from ngspring.basics.arrays import FloatArray
@@ -93,8 +92,8 @@ def density_figure(design: Design) -> Figure:
     figure = new_figure(4.6, 4.0)
     axes = figure.subplots()
     x, y = (np.linspace(0, size, _CELLS + 1) for size in (problem.L, problem.H))
-    rho = design.density((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
-    image = axes.pcolormesh(x, y, rho.T, cmap="Greys", vmin=0, vmax=1, rasterized=True)
+    density = design.density((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
+    image = axes.pcolormesh(x, y, density.T, cmap="Greys", vmin=0, vmax=1, rasterized=True)
     figure.colorbar(image, ax=axes, label="density ρ", shrink=0.8, ticks=[0, 0.25, 0.5, 0.75, 1])
     axes.axvline(problem.L / 2, color="0.5", linewidth=0.8, linestyle="-.")
     axes.axhline(problem.H / 2, color="0.5", linewidth=0.8, linestyle="-.")
@@ -117,7 +116,7 @@ def offsets_figure(
     above.plot(x, chi, color="black", linewidth=1.3)
     above.axhline(0, color="0.7", linewidth=0.8)
     above.set_ylabel("χ")
-    middle.plot(x, expit(chi), color="black", linewidth=1.3)
+    middle.plot(x, rho(chi), color="black", linewidth=1.3)
     middle.set_ylabel("ρ(χ)")
     for eta in offsets:
         kind, line = ("dilated", "-.") if eta > 0 else ("eroded", "--")

@@ -32,7 +32,7 @@ from ngspring.campaign.plan import Run
 from ngspring.design.snapshots import Snapshots
 from ngspring.evolution.recorder import SnapshotRecorder
 from ngspring.problem.scaling import on_mesh
-from ngspring.view.design import offsets_figure, ramp
+from ngspring.view.design import offsets_figure
 from ngspring.view.rows import snapshots_figure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -345,14 +345,12 @@ def test_ramp_is_the_stiffness_that_is_solved_with(rough: Design) -> None:
     import ngsolve as ng
     from netgen.geom2d import unit_square
 
-    from ngspring.physics.energies import stiffness
-
     chi = np.array([-300.0, -7.0, -0.3, 0.0, 4.0, 60.0])
     mesh = ng.Mesh(unit_square.GenerateMesh(maxh=1))
     solved = [stiffness(ng.CF(value), rough.problem)(mesh(0.5, 0.5)) for value in chi]
-    np.testing.assert_allclose(ramp(chi, rough.problem), solved, rtol=1e-12)
+    np.testing.assert_allclose(stiffness(chi, rough.problem), solved, rtol=1e-12)
     drawn = offsets_figure(np.arange(6.0), chi, rough.problem, (-1.0, 1.0)).axes[2].lines
-    np.testing.assert_allclose(drawn[1].get_ydata(), ramp(chi + 1, rough.problem))
+    np.testing.assert_allclose(drawn[1].get_ydata(), stiffness(chi + 1, rough.problem))
 
 
 # -- snapshots -------------------------------------------------------------------------------------

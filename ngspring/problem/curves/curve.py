@@ -11,9 +11,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import finite_number
@@ -22,6 +22,9 @@ from ngspring.basics.files import PathLike, read_text
 from ngspring.problem.curves.drawing import parse_drawing
 from ngspring.problem.curves.table import parse_columns
 from ngspring.problem.point import ControlPoint
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 #: A curve of at most this many points is taken as it is; more control points are never chosen.
 MOST_POINTS = 6
@@ -162,6 +165,9 @@ def _through(d: FloatArray, q: FloatArray) -> PchipInterpolator:
     keep = d != 0.0
     places, values = np.append(d[keep], 0.0), np.append(q[keep], 0.0)
     order = np.argsort(places)
+    # Needed only here, and a fifth of a second to import: every problem comes by this module.
+    from scipy.interpolate import PchipInterpolator
+
     return PchipInterpolator(places[order], values[order])
 
 
