@@ -9,6 +9,7 @@ matrix is handed over in quasi-definite form (`ngspring.kkt.system`), which need
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 from typing import Any, Protocol
 
@@ -96,6 +97,9 @@ class Pardiso:
     """MKL PARDISO, symmetric indefinite (mtype -2), through pypardiso; reads the upper triangle."""
 
     def __init__(self, upper: sp.csr_matrix, threads: int) -> None:
+        # MKL's idle threads would spin for 200 ms after every call, and take the cores from
+        # NGSolve's. Read by its OpenMP when that starts, which is at the first call.
+        os.environ.setdefault("KMP_BLOCKTIME", "0")
         from pypardiso import PyPardisoSolver
 
         self._solver = PyPardisoSolver(mtype=-2)

@@ -31,6 +31,7 @@ from ngspring import (
 from ngspring.campaign.plan import Run
 from ngspring.design.snapshots import Snapshots
 from ngspring.evolution.recorder import SnapshotRecorder
+from ngspring.physics.chi import stiffness
 from ngspring.problem.scaling import on_mesh
 from ngspring.view.design import offsets_figure
 from ngspring.view.rows import snapshots_figure

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.coupled import Flat
 from support.designs import rough_coefficients
 
+import ngspring
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
@@ -210,3 +215,33 @@ def test_initial_state_solves_equilibrium_and_adjoint_equations(kinematics: str)
     forces = state.forces(system.problem)
     assert np.abs(residual.lam).max() < 1e-9 * np.abs(forces).max()
     assert np.abs(residual.u).max() < 1e-9 * np.abs(state.lam).max() * np.abs(forces).max()
+
+
+BLOCKTIME = """
+import ctypes, sys
+import numpy as np, scipy.sparse as sp
+from ngspring.fem.linear import make_factorization
+make_factorization(sp.csr_matrix(np.eye(3)), "pardiso", 2).factorize()
+names = {line.split()[-1] for line in open("/proc/self/maps") if "libiomp5" in line}
+print([ctypes.CDLL(name).kmp_get_blocktime() for name in names])
+"""
+
+
+@needs_pardiso
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+@pytest.mark.parametrize(("given", "blocktime"), [(None, 0), ("7", 7)])
+def test_idle_threads_of_pardiso_do_not_spin_unless_asked_to(
+    given: str | None, blocktime: int
+) -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "KMP_BLOCKTIME"}
+    if given is not None:
+        environment["KMP_BLOCKTIME"] = given
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCKTIME],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(ngspring.__file__).parents[1],
+    )
+    assert done.stdout == f"[{blocktime}]\n"
