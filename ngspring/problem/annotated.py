@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from ngspring.problem.dimension import dimensions, weights
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.scaling import REFERENCE_STIFFNESS
@@ -19,8 +20,20 @@ def _line(key: str, value: float | int | str, comment: str) -> str:
     return f"{f'{key} = {text}':<{_WIDTH}}  # {comment}"
 
 
-def _stiffness(E: float, described: Mapping[str, object]) -> list[str]:
-    """The stiffness as it was described."""
+def _weights(problem: SpringProblem) -> list[str]:
+    """The weights of the terms of the objective."""
+    units = dimensions(problem)
+    return [
+        _line(name, getattr(problem, name), f"weight of {what} in {units[name].unit(problem.n)}")
+        for name, what in weights(problem).items()
+    ]
+
+
+def _stiffness(problem: SpringProblem, described: Mapping[str, object]) -> list[str]:
+    """The stiffness as it was described; nothing for a law, which has a table of its own."""
+    if problem.material is not None:
+        return []
+    E, nu = young_and_poisson(problem.K, problem.G)
     lines = []
     hardness, material = described.get("shore_A"), described.get("material")
     if isinstance(material, str):
@@ -29,7 +42,8 @@ def _stiffness(E: float, described: Mapping[str, object]) -> list[str]:
         lines.append(_line("material", material, comment))
     if isinstance(hardness, float):
         lines.append(_line("shore_A", hardness, f"hardness: E = {E:.4g} MPa by Gent's relation"))
-    return lines or [_line("E", E, "Young's modulus (or shore_A, or material, in its place)")]
+    lines = lines or [_line("E", E, "Young's modulus (or shore_A, or material, in its place)")]
+    return [*lines, _line("nu", nu, "Poisson's ratio"), ""]
 
 
 def annotated_toml(
@@ -48,7 +62,6 @@ def annotated_toml(
         How the stiffness was described: ``shore_A`` or ``material`` in it are written instead of E
         (see `ngspring.problem.material.moduli_from`); other keys are ignored.
     """
-    E, nu = young_and_poisson(problem.K, problem.G)
     other = next(name for name in KINEMATICS if name != problem.kinematics)
     w_q = max(point.weight for point in problem.control_points)
     lines = [
@@ -66,15 +79,11 @@ def annotated_toml(
         lines.append(_line("T", problem.T, "out-of-plane thickness"))
     lines += [
         "",
-        *_stiffness(E, described or {}),
-        _line("nu", nu, "Poisson's ratio"),
-        "",
+        *_stiffness(problem, described or {}),
         "# The weights of the paper's springs, scaled to this size and these forces.",
         _line("l_i", problem.l_i, "interface width: 4/5 of an element or more"),
         _line("l_t", problem.l_t, "length scale of the evolution"),
-        _line("k_rho", problem.k_rho, "weight of the volume in mm^-3"),
-        _line("k_i", problem.k_i, "weight of the interface width"),
-        _line("k_H", problem.k_H, "weight of the curvature of chi"),
+        *_weights(problem),
         _line("w_q", w_q, f"weight of a target in N^-2: ({REFERENCE_STIFFNESS:g} N / (q H/d))^2"),
     ]
     defaults = SpringProblem.__dataclass_fields__
@@ -82,6 +91,9 @@ def annotated_toml(
         value = getattr(problem, key)
         if value != defaults[key].default:
             lines.append(_line(key, value, "not the paper's"))
+    if problem.material is not None:
+        values = [f"{name} = {value:.7g}" for name, value in problem.law.parameters.items()]
+        lines += ["", "[material]", _line("law", problem.law.name, "parameters in MPa"), *values]
     for point in problem.control_points:
         lines += ["", "[[control_points]]", f"d = {point.d:.7g}", f"q = {point.q:.7g}"]
         if point.weight != w_q:

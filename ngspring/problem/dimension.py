@@ -42,25 +42,28 @@ class Dimension:
         )
 
 
-def quantity(default: float, *, weight: bool = False, **exponents: Any) -> Any:
+def quantity(default: float, *, weighs: str = "", **exponents: Any) -> Any:
     """A field of a description with a default and a `Dimension`.
 
     Parameters
     ----------
     default : float
-    weight : bool
-        Whether it is the weight of a term of the objective.
+    weighs : str
+        What it weighs, in words, if it is the weight of a term of the objective.
     **exponents
         Of `Dimension`.
     """
-    metadata = {"dimension": Dimension(**exponents), "weight": weight}
+    metadata = {"dimension": Dimension(**exponents), "weighs": weighs}
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def dimensions(described: Any, weights: bool = False) -> dict[str, Dimension]:
-    """Dimensions of the fields of a dataclass that have one, or of weights only, by name."""
-    return {
-        field.name: field.metadata["dimension"]
-        for field in dataclasses.fields(described)
-        if "dimension" in field.metadata and (field.metadata["weight"] or not weights)
-    }
+def dimensions(described: Any) -> dict[str, Dimension]:
+    """Dimensions of the fields of a dataclass that have one, by name."""
+    fields = dataclasses.fields(described)
+    return {f.name: f.metadata["dimension"] for f in fields if "dimension" in f.metadata}
+
+
+def weights(described: Any) -> dict[str, str]:
+    """What the weights among the fields of a dataclass weigh, by name."""
+    fields = dataclasses.fields(described)
+    return {f.name: f.metadata["weighs"] for f in fields if f.metadata.get("weighs")}

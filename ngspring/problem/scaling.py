@@ -28,7 +28,7 @@ import numpy as np
 
 from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
-from ngspring.problem.dimension import dimensions
+from ngspring.problem.dimension import dimensions, weights
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.spring import SpringProblem
 
@@ -138,9 +138,10 @@ def with_similar_weights(problem: SpringProblem) -> SpringProblem:
         dataclasses.replace(point, weight=point.weight * (w_q / largest))
         for point in problem.control_points
     )
-    weights = {
-        name: getattr(paper, name) * dimension.factor(a, v, 1.0, paper.n)
-        for name, dimension in dimensions(problem, weights=True).items()
+    units = dimensions(problem)
+    scaled_weights = {
+        name: getattr(paper, name) * units[name].factor(a, v, 1.0, paper.n)
+        for name in weights(problem)
     }
     return dataclasses.replace(
         problem,
@@ -148,7 +149,7 @@ def with_similar_weights(problem: SpringProblem) -> SpringProblem:
         l_i=0.8 * max(problem.h_x, problem.h_y),
         l_t=paper.l_t * a,
         n=paper.n,
-        **weights,
+        **scaled_weights,
     )
 
 

@@ -95,10 +95,10 @@ class SpringProblem:
     E_0: float = 1e-6
     k_r: float = 1e-6
     p: float = 8.0
-    k_rho: float = quantity(1e-8, volume=-1, weight=True)
-    k_i: float = quantity(1e-2, volume=-1, slope=True, weight=True)
+    k_rho: float = quantity(1e-8, volume=-1, weighs="the volume")
+    k_i: float = quantity(1e-2, volume=-1, slope=True, weighs="the interface width")
     n: float = 6.0
-    k_H: float = quantity(1e-9, volume=-1, length=4, weight=True)
+    k_H: float = quantity(1e-9, volume=-1, length=4, weighs="the curvature of chi")
     l_i: float = quantity(1.0, length=1)
     l_t: float = quantity(8.0, length=1)
     material: Law | None = None

@@ -24,7 +24,7 @@ from ngspring.design.design import Design
 from ngspring.design.snapshots import Snapshots
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import draw_curve
-from ngspring.view.design import draw_design
+from ngspring.view.design import draw_design, draw_guides
 from ngspring.view.figure import new_figure
 from ngspring.view.text import width_symbol
 
@@ -205,12 +205,7 @@ def _finish(
     d: float,
 ) -> None:
     """The same limits and lines in every frame: the sides that are held, and the axis."""
-    for y in (0.0, problem.H + d):
-        axes.axhline(y, color="0.3", linewidth=0.9)
-    if d:
-        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
-    if problem.motion.axis:
-        axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
+    draw_guides(axes, problem, d)
     for low, high, limit in ((*across, axes.set_xlim), (*upward, axes.set_ylim)):
         margin = 0.03 * (high - low)
         limit(low - margin, high + margin)

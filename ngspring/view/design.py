@@ -80,6 +80,17 @@ def draw_design(
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
 
 
+def draw_guides(axes: Axes, problem: SpringProblem, d: float) -> None:
+    """The sides that are held, the top at rest, and the axis of a body of revolution."""
+    for y in (0.0, problem.H + d):
+        axes.axhline(y, color="0.3", linewidth=0.8)
+    if d:
+        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
+    for mirror in problem.sector.mirrors:
+        if mirror.rotation:
+            axes.axvline(mirror.size / 2, color="0.5", linewidth=0.7, linestyle="-.")
+
+
 def ratio_text(design: Design) -> str:
     """Equivalent width (diameter) over height, for a title."""
     problem = design.problem

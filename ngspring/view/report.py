@@ -22,6 +22,7 @@ from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
+from ngspring.problem.dimension import weights
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
@@ -186,12 +187,17 @@ def problem_table(problem: SpringProblem, info: Mapping[str, object]) -> str:
         ("mesh over the full domain", f"{problem.elements} × {problem.elements} elements"),
         ("L × H", f"{problem.L:g} × {problem.H:g} mm"),
     ]
+    names = list(weights(problem))
+    values = [f"{getattr(problem, name):g}" for name in names]
+    parameters = [f"{name} = {value:g}" for name, value in problem.law.parameters.items()]
+    law = [] if problem.material is None else [(f"{problem.law.name} law", ", ".join(parameters))]
     if problem.motion.thick:
         rows.append(("thickness T", f"{problem.T:g} mm"))
     rows += [
         ("bulk and shear modulus K, G", f"{problem.K:.4g}, {problem.G:.4g} MPa"),
+        *law,
         ("interface width l_i", f"{problem.l_i:g} mm"),
-        ("weights k_ρ, k_i, k_H", f"{problem.k_rho:g}, {problem.k_i:g}, {problem.k_H:g}"),
+        (f"weights {', '.join(names).replace('rho', 'ρ')}", ", ".join(values)),
         ("void: E_0, k_r, p", f"{problem.E_0:g}, {problem.k_r:g}, {problem.p:g}"),
     ]
     if info.get("start"):

@@ -16,7 +16,7 @@ from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import control_points_by_kind, draw_curve
-from ngspring.view.design import draw_design, ratio_text
+from ngspring.view.design import draw_design, draw_guides, ratio_text
 from ngspring.view.figure import SMALL, new_figure
 from ngspring.view.text import point_label
 
@@ -267,12 +267,7 @@ def _finish_panel(
         place = axes.transAxes
         axes.text(0.5, 0.5, panel.note, transform=place, ha="center", va="center", bbox=frame)
         return
-    for y in (0.0, problem.H + panel.d):
-        axes.axhline(y, color="0.3", linewidth=0.8)
-    if panel.d:
-        axes.axhline(problem.H, color="0.5", linewidth=0.7, linestyle=":")
-    if problem.motion.axis:
-        axes.axvline(problem.L / 2, color="0.5", linewidth=0.7, linestyle="-.")
+    draw_guides(axes, problem, panel.d)
     axes.set_xticks([0, problem.L / 2, problem.L])
     axes.set_yticks([0, problem.H / 2, problem.H])
     axes.tick_params(labelsize=SMALL - 1, labelleft=leftmost, labelbottom=lowest)
