@@ -12,6 +12,8 @@ from .design.design import Design as Design
 from .design.gallery import gallery as gallery
 from .design.history import History as History
 from .design.snapshots import Snapshots as Snapshots
+from .evolution.evolve import Evolution as Evolution
+from .evolution.evolve import evolve as evolve
 from .evolution.optimize import optimize as optimize
 from .evolution.runstate import RunState as RunState
 from .evolution.runstate import read_run as read_run
@@ -61,6 +63,7 @@ __all__ = [
     "ConvergenceError",
     "Design",
     "DesignFileError",
+    "Evolution",
     "ExportError",
     "Finding",
     "History",
@@ -88,6 +91,7 @@ __all__ = [
     "check_targets",
     "compound_state",
     "contact_load_displacement",
+    "evolve",
     "export_body",
     "gallery",
     "get_case",

@@ -6,6 +6,7 @@ Every run has a process of its own, so that one that is killed takes no other wi
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import logging
 import multiprocessing
 import signal
@@ -98,7 +99,7 @@ class Outcome:
             design.equivalent_width / design.problem.H,
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
-            None if history is None else history.last()["seconds"],
+            None if history is None else history.last().seconds,
         )
 
 
@@ -137,7 +138,7 @@ def execute(run: Run, out: Path, threads: int, observer: Observer) -> Outcome:
             run.dt_initial,
             run.max_updates,
             out / run.name,
-            (observer,),
+            (lambda update: observer(dataclasses.replace(update, checkpoint=None)),),
             resume=True,
             threads=threads,
             start_name=run.start_name,

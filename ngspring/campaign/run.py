@@ -197,7 +197,7 @@ class _Loop:
                     self.end(news)
                 else:
                     run, update = news
-                    self.updates[run.name] = update.row["update"]
+                    self.updates[run.name] = update.row.update
                     self.tell(Event(run, "update", update=update))
 
     def start_what_is_ready(self, pool: Workers) -> None:

@@ -146,11 +146,11 @@ class _Board:
             row = event.update.row
             table.add_row(
                 name,
-                f"{row['update']:.0f}",
+                str(row.update),
                 f"{event.update.dt:.1e}" + ("" if event.update.accepted else " rejected"),
-                f"{row['newton_iterations']:.0f}",
-                f"{row['C']:.4e}",
-                f"{row['width']:.4f}",
-                duration(row["seconds"]),
+                str(row.newton_iterations),
+                f"{row.C:.4e}",
+                f"{row.width:.4f}",
+                duration(row.seconds),
             )
         return table

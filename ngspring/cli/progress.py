@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from ngspring.design.history import Row
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.text import deviation, duration, point_label, width_symbol
 
@@ -25,13 +26,13 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
     forces = " ".join(
-        f"{row[f'q{j}']:.4f}/{point.q:g}" for j, point in enumerate(problem.control_points, start=1)
+        f"{q:.4f}/{point.q:g}" for q, point in zip(row.q, problem.control_points, strict=True)
     )
     return (
-        f"update {row['update']:4.0f} dt {row['dt']:.1e}"
-        f"  newton {row['newton_iterations']:.0f}  C {row['C']:.4e}"
-        f"  {width_symbol(problem)} {row['width']:.4f}  q/target {forces}"
-        f"  {row['seconds']:.1f} s"
+        f"update {row.update:4} dt {row.dt:.1e}"
+        f"  newton {row.newton_iterations}  C {row.C:.4e}"
+        f"  {width_symbol(problem)} {row.width:.4f}  q/target {forces}"
+        f"  {row.seconds:.1f} s"
     )
 
 
@@ -40,7 +41,7 @@ class LiveTable:
 
     def __init__(self, problem: SpringProblem) -> None:
         self._problem = problem
-        self._row: dict[str, float] = {}
+        self._row: Row | None = None
         self._shown = time.monotonic()
         self._rejected = ""
 
@@ -60,19 +61,18 @@ class LiveTable:
         table.add_column(justify="right")
         table.add_column("target", justify="right")
         table.add_column("deviation", justify="right")
-        if not row:
+        if row is None:
             table.add_row("starting", duration(since))
             return table
-        table.add_row("design update", f"{row['update']:.0f}")
-        table.add_row("dt", f"{row['dt']:.1e}")
-        table.add_row("Newton iterations", f"{row['newton_iterations']:.0f}")
-        table.add_row("C", f"{row['C']:.4e}")
-        table.add_row(width_symbol(problem), f"{row['width']:.4f}")
-        for j, point in enumerate(problem.control_points, start=1):
-            q = row[f"q{j}"]
+        table.add_row("design update", str(row.update))
+        table.add_row("dt", f"{row.dt:.1e}")
+        table.add_row("Newton iterations", str(row.newton_iterations))
+        table.add_row("C", f"{row.C:.4e}")
+        table.add_row(width_symbol(problem), f"{row.width:.4f}")
+        for q, point in zip(row.q, problem.control_points, strict=True):
             name = f"q [N] at {point_label(point)}"
             table.add_row(name, f"{q:.4f}", f"{point.q:g}", deviation(q, point.q))
-        table.add_row("elapsed", duration(row["seconds"] + since))
+        table.add_row("elapsed", duration(row.seconds + since))
         if self._rejected:
             table.caption = self._rejected
         return table

@@ -82,7 +82,7 @@ def design_lines(design: Design) -> list[str]:
 
 def history_line(history: History) -> str:
     """Size of a run in one line."""
-    seconds = history.last()["seconds"]
+    seconds = history.last().seconds
     return (
         f"{len(history) - 1} design updates, {history.newton_iterations} Newton iterations,"
         f" {duration(seconds)} ({seconds:.1f} s)"

@@ -2,24 +2,139 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
 
+_FIRST = ("update", "dt", "newton_iterations", "rejected", "rejected_iterations", "leap", "C")
+_LAST = ("V", "width", "seconds")
+_KNOWN = (*_FIRST, *_LAST)
+#: Columns that count something.
+_WHOLE = ("update", "newton_iterations", "rejected", "rejected_iterations")
+_OF_POINT = re.compile(r"(C_q|q)\d+")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One accepted design update.
+
+    Attributes
+    ----------
+    update : int
+        Number of the design update; 0 is the initial design.
+    dt : float
+        Pseudo-time step; infinite in the final one, 0 for the start and for a return to the path
+        from rest (`ngspring.evolution.branches`).
+    newton_iterations : int
+        Of the accepted step.
+    rejected, rejected_iterations : int
+        Steps that failed before it, and the Newton iterations they took.
+    leap : float
+        Pseudo-time leapt over before it, negative if that was given up
+        (`ngspring.evolution.leaps`).
+    C : float
+        The objective.
+    terms : mapping
+        Its terms beside the control points', by name.
+    C_q, q : tuple of float
+        Term and reaction force in N of each control point.
+    V, width : float
+        Volume in mm^3, and Eq. 20 or 25 over H.
+    seconds : float
+        Since the start.
+    """
+
+    update: int
+    dt: float = math.nan
+    newton_iterations: int = 0
+    rejected: int = 0
+    rejected_iterations: int = 0
+    leap: float = 0.0
+    C: float = math.nan
+    terms: Mapping[str, float] = field(default_factory=dict)
+    C_q: tuple[float, ...] = ()
+    q: tuple[float, ...] = ()
+    V: float = math.nan
+    width: float = math.nan
+    seconds: float = math.nan
+
+    @property
+    def is_end(self) -> bool:
+        """Whether the transient term was removed: the design is stationary."""
+        return math.isinf(self.dt)
+
+    @property
+    def is_return(self) -> bool:
+        """Whether the states went back to the path from rest, where C jumps up."""
+        return self.update > 0 and self.dt == 0.0
+
+    @property
+    def leapt(self) -> bool:
+        """Whether a leap came before it and was kept."""
+        return self.leap > 0.0
+
+    @property
+    def leap_given_up(self) -> bool:
+        """Whether a leap was tried before it and given up."""
+        return self.leap < 0.0
+
+    @property
+    def failed(self) -> int:
+        """Attempts before it that failed, without a leap: that says nothing of dt."""
+        return self.rejected - self.leap_given_up
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations, those of rejected steps included."""
+        return self.newton_iterations + self.rejected_iterations
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """The row of the stored table, by column name."""
+        return {
+            **{name: float(getattr(self, name)) for name in _FIRST},
+            **self.terms,
+            **{f"C_q{j}": value for j, value in enumerate(self.C_q, start=1)},
+            **{f"q{j}": value for j, value in enumerate(self.q, start=1)},
+            **{name: float(getattr(self, name)) for name in _LAST},
+        }
+
+    def __getitem__(self, column: str) -> float:
+        return self.columns[column]
+
+    @classmethod
+    def from_columns(cls, columns: Mapping[str, float]) -> Row:
+        """A row of the stored table; what it does not hold has the default.
+
+        Histories of older versions have no ``leap``.
+        """
+        plain: dict[str, Any] = {name: columns[name] for name in _KNOWN if name in columns}
+        whole = {name: int(plain.pop(name)) for name in _WHOLE if name in plain}
+        count = sum(_OF_POINT.fullmatch(name) is not None for name in columns) // 2
+        return cls(
+            **{"update": 0, **whole},
+            **plain,
+            terms={
+                name: value
+                for name, value in columns.items()
+                if name not in _KNOWN and not _OF_POINT.fullmatch(name)
+            },
+            C_q=tuple(columns[f"C_q{j + 1}"] for j in range(count)),
+            q=tuple(columns[f"q{j + 1}"] for j in range(count)),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """A table of numbers with named columns; row 0 is the initial design.
+    """A table of numbers with named columns, those of `Row`; row 0 is the initial design.
 
-    Columns: ``update``, ``dt`` (inf in the final step), ``newton_iterations`` of the accepted step,
-    ``rejected`` steps before it and the ``rejected_iterations`` they took, ``leap`` (pseudo-time
-    leapt over before it, negative if that was given up, see `ngspring.evolution.leaps`; not in
-    histories of older versions), ``C`` with its terms ``volume``, ``interface``, ``curvature`` and
-    ``C_q1`` ..., the forces ``q1`` ... in N, ``V`` in mm^3, ``width`` (Eq. 20 or 25 over H) and
-    ``seconds`` since the start.
+    The columns ``C_q1`` ... and ``q1`` ... belong to the control points.
     """
 
     columns: tuple[str, ...]
@@ -31,31 +146,42 @@ class History:
     def __getitem__(self, column: str) -> FloatArray:
         return np.asarray(self.values[:, self.columns.index(column)])
 
+    def q(self, j: int) -> FloatArray:
+        """Reaction force in N at control point j (from 0) after each update."""
+        return self[f"q{j + 1}"]
+
+    def C_q(self, j: int) -> FloatArray:
+        """Term of control point j (from 0) after each update."""
+        return self[f"C_q{j + 1}"]
+
     @property
     def newton_iterations(self) -> int:
         """All coupled Newton iterations, those of rejected steps included."""
         return int(self["newton_iterations"].sum() + self["rejected_iterations"].sum())
 
-    def last(self) -> dict[str, float]:
-        """The last row by column name."""
-        return dict(zip(self.columns, map(float, self.values[-1]), strict=True))
+    def last(self) -> Row:
+        """The last row."""
+        return self.rows(slice(-1, None))[0]
 
     @classmethod
-    def from_rows(cls, rows: Sequence[Mapping[str, float]]) -> History:
-        """Table of rows that all have the same keys."""
-        columns = tuple(rows[0])
-        return cls(columns, np.array([[row[name] for name in columns] for row in rows]))
+    def from_rows(cls, rows: Sequence[Row] | Sequence[Mapping[str, float]]) -> History:
+        """Table of rows that all have the same columns."""
+        tables = [row.columns if isinstance(row, Row) else row for row in rows]
+        columns = tuple(tables[0])
+        return cls(columns, np.array([[row[name] for name in columns] for row in tables]))
 
-    def rows(self) -> list[dict[str, float]]:
-        """All rows by column name."""
-        return [dict(zip(self.columns, map(float, row), strict=True)) for row in self.values]
+    def rows(self, which: slice = slice(None)) -> list[Row]:
+        """All rows, or some of them."""
+        return [Row.from_columns(row) for row in self._tables(self.values[which])]
+
+    def _tables(self, values: FloatArray) -> Iterable[dict[str, float]]:
+        return (dict(zip(self.columns, map(float, row), strict=True)) for row in values)
 
     def to_csv(self) -> str:
         """Comma-separated text with a header line; numbers round-trip exactly."""
-        whole = {"update", "newton_iterations", "rejected", "rejected_iterations"}
 
         def text(name: str, value: float) -> str:
-            return str(int(value)) if name in whole else repr(float(value))
+            return str(int(value)) if name in _WHOLE else repr(float(value))
 
         lines = [",".join(self.columns)]
         for row in self.values:

@@ -27,7 +27,8 @@ logger = logging.getLogger(__name__)
 VERSION = 1
 #: The updates that Fig. 16 shows, besides the last one.
 UPDATES = (0, 5, 10, 20, 30, 40)
-_LARGEST = float(np.finfo(np.float16).max)
+#: Half precision ends here.
+LARGEST = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ngspring.basics.errors import ConvergenceError
 from ngspring.evolution.stepping import BackwardEuler, Past, Stepper
-from ngspring.evolution.steprule import LeapRule, Rule, failed_updates
+from ngspring.evolution.steprule import LeapRule, Rule
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.system import CoupledSystem, State
 
@@ -46,7 +46,7 @@ class Leaping(Stepper):
 
     def _leapt(self, past: Past, dt: float, factor: float) -> NewtonResult:
         state, previous = past.state, past.previous
-        factor *= dt / past.rows[-1]["dt"]
+        factor *= dt / past.rows[-1].dt
         ahead = State(
             state.chi + factor * (state.chi - previous.chi),
             state.u + factor * (state.u - previous.u),
@@ -59,7 +59,7 @@ class Leaping(Stepper):
         outcome = self._euler.solved(ahead, dt, self._newton)
         if not outcome.converged:
             return dataclasses.replace(outcome, reason=f"a leap too far: {outcome.reason}")
-        rise = self.system.terms(outcome.state)["C"] - past.rows[-1]["C"]
+        rise = self.system.terms(outcome.state)["C"] - past.rows[-1].C
         if not rise < 0:
             reason = f"a leap too far: C rises by {rise:.1e}"
             return dataclasses.replace(outcome, converged=False, reason=reason)
@@ -70,7 +70,7 @@ class Leaping(Stepper):
         if outcome.leap > 0.0:
             far = outcome.leap / dt * self._leaps.growth > self._leaps.largest
             return dt * self.rule.growth if far else dt
-        grown = self.rule.grown(dt, outcome.iterations, failed_updates(past.rows[-1]))
+        grown = self.rule.grown(dt, outcome.iterations, past.rows[-1].failed)
         return self._leaps.held(past.rows, dt, grown)
 
     def shrunk(self, past: Past, dt: float) -> float:

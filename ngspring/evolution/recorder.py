@@ -1,25 +1,52 @@
-"""An observer that keeps designs on the way of an evolution (Fig. 16)."""
+"""Observers that write an evolution into its run folder."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ngspring.basics.errors import DesignFileError
-from ngspring.basics.files import PathLike
-from ngspring.design.snapshots import _LARGEST, Snapshots
+from ngspring.basics.files import PathLike, write_text
+from ngspring.design.snapshots import LARGEST, Snapshots
+from ngspring.evolution.folder import DESIGN, HISTORY
+from ngspring.evolution.updates import Result, Update
 from ngspring.problem.spring import SpringProblem
 
-if TYPE_CHECKING:
-    from ngspring.evolution.updates import Update
-
-
 logger = logging.getLogger(__name__)
+
+
+class CheckpointRecorder:
+    """Observer for `ngspring.optimize` that keeps a checkpoint of every accepted update.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    """
+
+    def __init__(self, path: PathLike) -> None:
+        self.path = Path(path)
+
+    def __call__(self, update: Update) -> None:
+        """Take in a design update."""
+        if update.accepted and not update.resumed and update.checkpoint is not None:
+            update.checkpoint.save(self.path)
+
+
+def write_result(folder: Path, result: Result) -> None:
+    """Write the last accepted design and the history into the run folder.
+
+    Raises
+    ------
+    RunFolderError
+        If they cannot be written.
+    """
+    result.design.save(folder / DESIGN)
+    write_text(folder / HISTORY, result.history.to_csv())
 
 
 class SnapshotRecorder:
@@ -50,12 +77,12 @@ class SnapshotRecorder:
         """Take in a design update."""
         if not update.accepted:
             return
-        number = int(update.row["update"])
+        number = update.row.update
         problem = update.design.problem
         before = self._stored(problem) if self._kept is None else self._kept
         kept = {k: chi for k, chi in before.items() if k < number and self._wanted(k)}
         # Half precision ends at 65504; so deep in the void the digits do not matter.
-        chi = np.clip(update.design.coefficients, -_LARGEST, _LARGEST)
+        chi = np.clip(update.design.coefficients, -LARGEST, LARGEST)
         kept[number] = chi.astype(np.float16)
         self._kept = kept
         numbers = np.array(sorted(kept), dtype=np.int64)

@@ -96,7 +96,7 @@ class RunState:
         if history is None or not len(history):
             return None
         since = time.time() - self.updated if self.evolving and self.updated else 0.0
-        return history.last()["seconds"] + max(0.0, since)
+        return history.last().seconds + max(0.0, since)
 
 
 def forces_of(design: Design) -> list[float] | None:
@@ -174,10 +174,9 @@ def stored_state(design: Design, folder: Path | None = None) -> RunState:
 
 def _design_of(checkpoint: Checkpoint) -> Design:
     last, problem = checkpoint.history.last(), checkpoint.problem
-    info: dict[str, object] = {"start": checkpoint.start, "converged": bool(np.isinf(last["dt"]))}
-    names = [f"q{j + 1}" for j in range(len(problem.control_points))]
-    if all(name in last for name in names):
-        info["q"] = [last[name] for name in names]
+    info: dict[str, object] = {"start": checkpoint.start, "converged": last.is_end}
+    if len(last.q) == len(problem.control_points):
+        info["q"] = list(last.q)
     chi = checkpoint.state.chi.reshape(problem.coefficient_shape)
     return Design(problem, chi, checkpoint.history, info)
 

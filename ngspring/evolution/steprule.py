@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-#: The history as `ngspring.design.history.History.rows` gives it.
-Rows = Sequence[Mapping[str, float]]
+from ngspring.design.history import Row
+
+Rows = Sequence[Row]
 
 
 @dataclass(frozen=True)
@@ -94,18 +95,18 @@ class LeapRule:
 
     def creeping(self, rows: Rows) -> bool:
         """Whether dt has stopped growing."""
-        steps = [row["dt"] for row in rows]
+        steps = [row.dt for row in rows]
         return len(steps) - 1 - int(np.argmax(steps)) >= self.patience
 
     def factor(self, rows: Rows) -> float:
         """Length of the leap that is due in multiples of dt; 0 if none is."""
         last = rows[-1]
-        if not self.creeping(rows) or not last["dt"] > 0.0 or last["leap"] != 0.0:
+        if not self.creeping(rows) or not last.dt > 0.0 or last.leap != 0.0:
             return 0.0
         for row in rows[: -self.patience - 1 : -1]:
-            if row["leap"]:
-                tried = row["dt"] * self.converged.shrink ** failed_updates(row)
-                factor = abs(row["leap"]) / tried * (self.growth if row["leap"] > 0 else 0.5)
+            if row.leap:
+                tried = row.dt * self.converged.shrink**row.failed
+                factor = abs(row.leap) / tried * (self.growth if row.leapt else 0.5)
                 return min(factor, self.largest) if factor >= self.smallest else 0.0
         return self.first
 
@@ -113,15 +114,8 @@ class LeapRule:
         """Next dt after a converged update, if ``grown`` is what its iterations allow."""
         if not self.creeping(rows):
             return grown
-        failed = [
-            row["dt"] * self.converged.shrink for row in rows[-self.memory :] if failed_updates(row)
-        ]
+        failed = [row.dt * self.converged.shrink for row in rows[-self.memory :] if row.failed]
         return grown if grown < min(failed, default=np.inf) else dt
 
 
 Rule = StepRule | LeapRule
-
-
-def failed_updates(row: Mapping[str, float]) -> int:
-    """Attempts before an update that were rejected, without a leap: that says nothing of dt."""
-    return int(row["rejected"]) - (1 if row["leap"] < 0.0 else 0)

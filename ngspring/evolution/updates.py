@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
-from ngspring.design.history import History
+from ngspring.design.history import History, Row
+from ngspring.evolution.checkpoint import Checkpoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +18,7 @@ class Update:
     Attributes
     ----------
     accepted : bool
-    row : dict
+    row : Row
         The new row of the history (accepted), or that of the last accepted update.
     dt : float
         Pseudo-time step that was tried.
@@ -25,13 +26,20 @@ class Update:
         Why a rejected update failed.
     design : Design
         The last accepted design.
+    checkpoint : Checkpoint, optional
+        All that is needed to continue from there, see `ngspring.evolve`; too much to be sent from
+        a campaign's worker.
+    resumed : bool
+        Whether it only tells where a resumed run stands.
     """
 
     accepted: bool
-    row: dict[str, float]
+    row: Row
     dt: float
     reason: str
     design: Design
+    checkpoint: Checkpoint | None = None
+    resumed: bool = False
 
 
 #: Called after every accepted or rejected update.

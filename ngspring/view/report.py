@@ -113,7 +113,7 @@ def _summary(state: RunState, history: History | None) -> str:
     cards.append(("volume V", f"{design.volume:.1f} mm³"))
     note = ""
     if history is not None:
-        dt = history.last()["dt"]
+        dt = history.last().dt
         cards.append(("design updates", str(len(history) - 1)))
         cards.append(("Newton iterations", str(history.newton_iterations)))
         cards.append(("dt", "∞" if np.isinf(dt) else f"{dt:.1e}"))
@@ -164,18 +164,15 @@ def targets_table(state: RunState) -> str:
 
 def history_table(history: History, problem: SpringProblem) -> str:
     """The last rows of the history, the newest first."""
-    forces = [
-        f"q{j}" for j in range(1, len(problem.control_points) + 1) if f"q{j}" in history.columns
-    ]
     header = ["update", "dt", "Newton", "rejected", "C", width_symbol(problem)]
-    header += [f"q at {p.d:g} mm [N]" for p in problem.control_points[: len(forces)]]
+    header += [f"q at {p.d:g} mm [N]" for p in problem.control_points[: len(history.last().q)]]
     rows = []
     for row in reversed(history.rows()[-_ROWS:]):
-        dt = "∞" if np.isinf(row["dt"]) else f"{row['dt']:.1e}"
-        cells = [f"{row['update']:.0f}", dt, f"{row['newton_iterations']:.0f}"]
-        cells += [f"{row['rejected']:.0f}", f"{row['C']:.4e}", f"{row['width']:.4f}"]
-        cells += [f"{row[name]:.4f}" for name in forces]
-        rows.append([*cells, duration(row["seconds"])])
+        dt = "∞" if row.is_end else f"{row.dt:.1e}"
+        cells = [str(row.update), dt, str(row.newton_iterations)]
+        cells += [str(row.rejected), f"{row.C:.4e}", f"{row.width:.4f}"]
+        cells += [f"{q:.4f}" for q in row.q]
+        rows.append([*cells, duration(row.seconds)])
     return table([*header, "time"], rows)
 
 
@@ -269,7 +266,7 @@ def _convergence(history: History, problem: SpringProblem) -> str:
             "convergence",
             convergence_figure(history, problem),
             f"Four diagrams over design updates: time step dt, objective C, its control-point"
-            f" terms, and {symbol}, which is now {history.last()['width']:.4f}",
+            f" terms, and {symbol}, which is now {history.last().width:.4f}",
             f"dt, the objective C, its control-point terms and the volume as {symbol} over the"
             " design updates.",
             dpi=90,
@@ -342,7 +339,7 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     status = f"{state.status}: {state.reason}" if state.reason else state.status
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER
-    dt = history.last()["dt"]
+    dt = history.last().dt
     left = time_left_text(history, design.problem) if state.evolving else _NO_NUMBER
     size = "∞" if np.isinf(dt) else f"{dt:.1e}"
     time_taken = duration(state.elapsed or 0.0)

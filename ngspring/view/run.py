@@ -71,12 +71,10 @@ def reached_figure(
 def _draw_earlier(axes: Axes, problem: SpringProblem, history: History) -> None:
     shades = np.linspace(0.85, 0.45, len(history))
     name: str | None = "earlier updates"
-    for j, point in enumerate(problem.control_points, start=1):
-        if f"q{j}" not in history.columns:
-            continue
+    for j, point in enumerate(problem.control_points[: len(history.last().q)]):
         places = np.full(len(history), point.d)
         colors = np.repeat(shades[:, None], 3, axis=1)
-        axes.scatter(places, history[f"q{j}"], s=9, c=colors, zorder=3, label=name)
+        axes.scatter(places, history.q(j), s=9, c=colors, zorder=3, label=name)
         name = None
 
 
@@ -89,7 +87,7 @@ def forces_figure(history: History, problem: SpringProblem) -> Figure:
     for j, point in enumerate(problem.control_points):
         if f"q{j + 1}" not in history.columns:
             continue
-        q = history[f"q{j + 1}"]
+        q = history.q(j)
         values.append(float(q[-1]))
         axes.axhline(point.q, color="0.6", linewidth=0.8)
         axes.plot(
@@ -140,7 +138,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
         _draw_log(
             axes[2],
             update,
-            history[f"C_q{j + 1}"],
+            history.C_q(j),
             "C$_q$",
             color=str(0.15 * (j % 5)),
             linestyle=LINES[j % 4],
@@ -158,7 +156,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
     for ax in axes:
         ax.grid(color="0.9")
     figure.align_ylabels(list(axes))
-    last_width = history.last()["width"]
+    last_width = history.last().width
     figure.suptitle(
         f"{problem.name or 'spring'}: {len(history) - 1} design updates,"
         f" {history.newton_iterations} Newton iterations,"

@@ -293,7 +293,7 @@ def test_a_campaign_with_failing_killed_and_continued_runs(tmp_path: Path) -> No
 
     def kill(event: Event) -> None:
         update = event.update
-        if update and event.run.name == "first" and update.row["update"] >= 4 and not killed:
+        if update and event.run.name == "first" and update.row.update >= 4 and not killed:
             workers = multiprocessing.active_children()
             (worker,) = (p for p in workers if p.name == "ngspring first")
             worker.kill()

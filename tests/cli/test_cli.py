@@ -392,8 +392,8 @@ def test_verbose_and_log_file(finished: SimpleNamespace, tmp_path: Path) -> None
     file, out = finished.home / "mine.toml", tmp_path / "out"
     options = ("--max-updates", 1, "--threads", 1, "--out", out)
     result = invoke("-v", "--log-file", log, "optimize", file, *options)
-    assert "ngspring.evolution.optimize: update 1" in log.read_text()
-    assert "ngspring.evolution.optimize: update 1" in result.stderr
+    assert "ngspring.evolution.evolve: update 1" in log.read_text()
+    assert "ngspring.evolution.evolve: update 1" in result.stderr
     # What is written after every update is not worth a line each time.
     assert f"wrote {out / 'design.npz'}" in result.stderr
     assert "checkpoint.npz" not in result.stderr

@@ -104,7 +104,7 @@ def test_a_run_that_was_asked_to_stop_says_so(run: Path) -> None:
     assert state.reason == "stopped after 4 design updates, as asked"
     assert not state.going_on
     checkpoint = Checkpoint.load(run / CHECKPOINT)
-    assert state.forces == [checkpoint.history.last()["q1"]]
+    assert state.forces == [checkpoint.history.last().q[0]]
     np.testing.assert_array_equal(state.design.coefficients.ravel(), checkpoint.state.chi)
 
 
@@ -280,7 +280,7 @@ def test_watching_goes_on_until_the_run_ends(
         checkpoint = Checkpoint.load(run / CHECKPOINT)
         rows = checkpoint.history.rows()
         # One update more: a report of the same ones may be the same text within a second.
-        rows.append({**rows[-1], "update": rows[-1]["update"] + 1})
+        rows.append(dataclasses.replace(rows[-1], update=rows[-1].update + 1))
         dataclasses.replace(checkpoint, history=History.from_rows(rows)).save(run / CHECKPOINT)
         later = time.time() + 5
         os.utime(run / CHECKPOINT, (later, later))
@@ -470,7 +470,7 @@ def test_optimize_keeps_the_report_up_to_date(
 
     def look(self: ReportWriter, update: Update) -> None:
         original(self, update)
-        calls.append(int(update.row["update"]))
+        calls.append(int(update.row.update))
         seen.append(status_of(folder / REPORT))
 
     original = ReportWriter.__call__
@@ -493,7 +493,7 @@ def test_ctrl_c_leaves_a_report_of_the_stopped_run(
 
     def interrupt(self: ReportWriter, update: Update) -> None:
         original(self, update)
-        if update.row["update"] == 2:
+        if update.row.update == 2:
             raise KeyboardInterrupt
 
     original = ReportWriter.__call__

@@ -7,7 +7,7 @@ import pytest
 
 from ngspring import ControlPoint, Design, SpringProblem, optimize
 from ngspring.evolution.branches import on_another_branch, path_from_rest
-from ngspring.evolution.optimize import RETURNS
+from ngspring.evolution.evolve import RETURNS
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.system import CoupledSystem, State
@@ -66,7 +66,7 @@ def test_a_run_that_ends_on_another_branch_goes_on_from_the_path_from_rest(
         return elsewhere(state) if len(asked) == 1 else path_from_rest(system, state)
 
     plain = optimize(PROBLEM, threads=1)
-    monkeypatch.setattr("ngspring.evolution.optimize.path_from_rest", once)
+    monkeypatch.setattr("ngspring.evolution.evolve.path_from_rest", once)
     result = optimize(PROBLEM, threads=1)
     assert result.converged
     assert len(asked) == 2
@@ -82,7 +82,7 @@ def test_a_run_that_leaves_the_path_again_and_again_is_not_called_converged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "ngspring.evolution.optimize.path_from_rest", lambda system, state: elsewhere(state)
+        "ngspring.evolution.evolve.path_from_rest", lambda system, state: elsewhere(state)
     )
     result = optimize(PROBLEM, threads=1)
     assert not result.converged

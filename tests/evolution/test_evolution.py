@@ -153,7 +153,7 @@ def test_rows_are_numbered_from_the_initial_design_to_the_step_without_transient
     assert h["V"][0] == pytest.approx(Design.column(SMALL).volume, rel=1e-12)
     total = h["newton_iterations"].sum() + h["rejected_iterations"].sum()
     assert h.newton_iterations == total
-    np.testing.assert_allclose(h.last()["q1"], run.result.q[0], rtol=1e-12)
+    np.testing.assert_allclose(h.last().q[0], run.result.q[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("rule", ["converged", "paper"])
@@ -173,7 +173,7 @@ def test_dt_follows_the_step_rule_up_to_1e20(
 
 def test_the_paper_s_rule_reaches_the_same_design(run: Run, by_the_paper: Result) -> None:
     assert by_the_paper.converged
-    widths = [r.history.last()["width"] for r in (run.result, by_the_paper)]
+    widths = [r.history.last().width for r in (run.result, by_the_paper)]
     assert widths[0] == pytest.approx(widths[1], rel=1e-3)
 
 
@@ -205,7 +205,7 @@ def test_an_observer_sees_every_accepted_update_in_order(run: Run) -> None:
     assert [update.row for update in accepted] == run.result.history.rows()
     for update in accepted:
         assert update.reason == ""
-        assert update.design.volume == pytest.approx(update.row["V"], rel=1e-10)
+        assert update.design.volume == pytest.approx(update.row.V, rel=1e-10)
     last = accepted[-1].design
     np.testing.assert_array_equal(last.coefficients, run.result.design.coefficients)
 
@@ -224,9 +224,9 @@ def test_an_observer_sees_rejected_updates_and_each_divides_dt_by_four() -> None
         assert update.row == start.row
         np.testing.assert_array_equal(update.design.coefficients, start.design.coefficients)
     row = result.history.last()
-    assert row["rejected"] == len(rejected)
-    assert row["rejected_iterations"] >= len(rejected)
-    assert row["dt"] == accepted.dt == pytest.approx(1e6 / 4 ** len(rejected))
+    assert row.rejected == len(rejected)
+    assert row.rejected_iterations >= len(rejected)
+    assert row.dt == accepted.dt == pytest.approx(1e6 / 4 ** len(rejected))
 
 
 # -- arguments ------------------------------------------------------------------------------------
@@ -396,7 +396,7 @@ def test_c7_at_the_paper_s_mesh_needs_no_more_material_than_the_paper_s() -> Non
     result = ngspring.optimize(ngspring.cases["C7"])
     assert result.converged, result.message
     np.testing.assert_allclose(result.q, [2, -2, -5.5], rtol=1e-3)
-    assert result.history.last()["width"] <= 0.2539
+    assert result.history.last().width <= 0.2539
     assert ngspring.optimality(result.design).residual <= 1e-6
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import ngspring
 from ngspring import Design, LeapRule, StepRule
+from ngspring.design.history import Row
 from ngspring.evolution.leaps import Leaping
 from ngspring.evolution.stepping import BackwardEuler, Past
 from ngspring.kkt.newton import NewtonSettings
@@ -23,17 +24,16 @@ def rows_of(
     steps: list[float],
     leaps: dict[int, float] | None = None,
     rejected: dict[int, int] | None = None,
-) -> list[dict[str, float]]:
+) -> list[Row]:
     """A history with these dt, leaps (in multiples of dt) and rejected attempts.
 
     A leap that failed, which is stored as a negative one, is a rejected attempt unless told.
     """
-    rows = [{"dt": dt, "leap": 0.0, "rejected": 0.0} for dt in steps]
-    for k, factor in (leaps or {}).items():
-        rows[k]["leap"] = factor * rows[k]["dt"]
-        rows[k]["rejected"] = float(factor < 0.0)
-    for k, count in (rejected or {}).items():
-        rows[k]["rejected"] = float(count)
+    rows = []
+    for k, dt in enumerate(steps):
+        factor = (leaps or {}).get(k, 0.0)
+        count = (rejected or {}).get(k, int(factor < 0.0))
+        rows.append(Row(k, dt, leap=factor * dt, rejected=count))
     return rows
 
 
@@ -90,7 +90,7 @@ def drifting(system: CoupledSystem) -> Past:
         assert outcome.converged
         previous, state = state, outcome.state
     rows = rows_of([0.0, 1e9, *[DT] * 12])
-    rows[-1]["C"] = system.terms(state)["C"]
+    rows[-1] = dataclasses.replace(rows[-1], C=system.terms(state)["C"])
     return Past(state, previous, rows)
 
 
@@ -150,7 +150,7 @@ def test_a_run_with_leaps_ends_in_the_same_stationary_point() -> None:
     assert plain.converged
     assert (leapt.history["leap"] > 0).sum() >= 3
     assert not plain.history["leap"].any()
-    assert leapt.history.last()["C"] == pytest.approx(plain.history.last()["C"], rel=1e-8)
+    assert leapt.history["C"][-1] == pytest.approx(plain.history["C"][-1], rel=1e-8)
     np.testing.assert_allclose(leapt.design.coefficients, plain.design.coefficients, atol=1e-4)
     # C is lower after every leap that was kept.
     kept = leapt.history["leap"] > 0

@@ -34,8 +34,8 @@ import ngspring
 pause = float(sys.argv[2])
 
 def tell(update):
-    print(int(update.row["update"]), update.dt, flush=True)
-    if update.row["update"] >= 8:
+    print(int(update.row.update), update.dt, flush=True)
+    if update.row.update >= 8:
         time.sleep(pause)
 
 problem = ngspring.cases["C4"].replace(elements=8, l_i=10.0)
@@ -125,7 +125,7 @@ def folder(tmp_path: Path, begun: dict[str, bytes]) -> Path:
 
 def assert_same_end(result: Result, whole: Result) -> None:
     assert result.converged
-    width, expected = result.history.last()["width"], whole.history.last()["width"]
+    width, expected = result.history.last().width, whole.history.last().width
     assert width == pytest.approx(expected, rel=1e-6)
     np.testing.assert_allclose(
         result.design.coefficients, whole.design.coefficients, rtol=0, atol=1e-5
@@ -149,7 +149,7 @@ def test_a_run_killed_with_signal_9_is_resumed_to_the_same_design(
         process.send_signal(signal.SIGKILL)
         assert process.wait(60) == -signal.SIGKILL
     kept = Checkpoint.load(folder / CHECKPOINT)
-    assert 12 <= kept.history.last()["update"] < len(whole[0].history) - 1
+    assert 12 <= kept.history.last().update < len(whole[0].history) - 1
     result = resume(folder)
     assert_same_end(result, whole[0])
     np.testing.assert_array_equal(result.history.values[: len(kept.history)], kept.history.values)
@@ -201,7 +201,7 @@ def test_a_checkpoint_is_written_after_every_accepted_update(tmp_path: Path) -> 
             kept = Checkpoint.load(folder / CHECKPOINT)
             assert kept.history.last() == update.row
             assert kept.problem == PROBLEM
-            updates.append(update.row["update"])
+            updates.append(update.row.update)
 
     ngspring.optimize(PROBLEM, out=folder, threads=1, max_updates=3, observers=[look])
     assert updates == [0, 1, 2, 3]
@@ -224,7 +224,7 @@ def test_resuming_a_finished_run_returns_it_without_computing(
     def compute(*args: object, **kwargs: object) -> None:
         raise AssertionError("computed")
 
-    monkeypatch.setattr("ngspring.evolution.optimize.CoupledSystem", compute)
+    monkeypatch.setattr("ngspring.evolution.evolve.CoupledSystem", compute)
     monkeypatch.setattr("ngspring.evolution.stepping.solve_update", compute)
     result = resume(whole[1])
     assert result.converged

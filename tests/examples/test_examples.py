@@ -120,7 +120,7 @@ def test_stored_designs_meet_their_targets(name: str) -> None:
     for q, point in zip(design.info["q"], design.problem.control_points, strict=True):
         assert point.eta or q == pytest.approx(point.q, rel=1e-3)
     assert design.history is not None
-    assert ratio == pytest.approx(design.history.last()["width"], abs=1e-9)
+    assert ratio == pytest.approx(design.history.last().width, abs=1e-9)
     assert ratio == pytest.approx(WIDTHS.get(name, ratio), abs=1e-4)
 
 

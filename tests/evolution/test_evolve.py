@@ -1,0 +1,121 @@
+"""The loop of the evolution belongs to the caller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ngspring
+from ngspring import ControlPoint, SpringProblem, StepRule
+from ngspring.design.history import History, Row
+
+SMALL = SpringProblem((ControlPoint(8.0, 2.0), ControlPoint(-8.0, -2.0)), elements=8, l_i=10.0)
+
+
+def test_a_loop_may_be_left_and_taken_up_again_by_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    whole = ngspring.optimize(SMALL, max_updates=8, threads=1)
+    first = ngspring.evolve(SMALL, threads=1)
+    seen = []
+    for update in first:
+        seen.append(update)
+        if update.row.update == 3:
+            break
+    assert not first.over
+    second = ngspring.evolve(SMALL, resume_from=seen[-1].checkpoint, threads=1)
+    for update in second:
+        assert update.resumed == (update.row.update == 3)
+        if update.row.update == 8:
+            break
+    # Of no importance to whoever goes on: seconds.
+    columns = [k for k, name in enumerate(whole.history.columns) if name != "seconds"]
+    np.testing.assert_allclose(
+        second.history.values[:, columns], whole.history.values[:, columns], rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        second.result.design.coefficients, whole.design.coefficients, atol=1e-9
+    )
+    assert not list(tmp_path.iterdir())  # nothing is written
+
+
+def test_the_same_evolution_goes_on_where_its_loop_was_left() -> None:
+    evolution = ngspring.evolve(SMALL, threads=1)
+    numbers = []
+    for stop in (2, 5):
+        for update in evolution:
+            numbers.append(update.row.update)
+            if update.row.update == stop:
+                break
+    assert numbers == [0, 1, 2, 3, 4, 5]
+
+
+def test_it_ends_by_itself_at_the_stationary_point() -> None:
+    evolution = ngspring.evolve(SMALL, threads=1, rule=StepRule())
+    *_, last = evolution
+    assert evolution.over
+    assert last.row.is_end
+    assert evolution.result.converged
+    assert evolution.result.design.info["converged"] is True
+    assert list(evolution) == []
+
+
+def test_why_a_loop_was_left_is_a_note_of_the_design() -> None:
+    evolution = ngspring.evolve(SMALL, threads=1)
+    next(iter(evolution))
+    evolution.stop("enough")
+    assert evolution.result.message == "enough"
+    assert evolution.design.info["stopped"] == "enough"
+
+
+# -- rows of the history ---------------------------------------------------------------------------
+
+
+def test_a_row_goes_into_the_table_and_back() -> None:
+    row = Row(
+        3, 10.0, 4, 1, 7, -2.5, 0.1, {"volume": 0.05}, (0.01, 0.04), (2.0, -2.0), 99.0, 0.2, 1.5
+    )
+    history = History.from_rows([row])
+    assert history.columns == (
+        "update",
+        "dt",
+        "newton_iterations",
+        "rejected",
+        "rejected_iterations",
+        "leap",
+        "C",
+        "volume",
+        "C_q1",
+        "C_q2",
+        "q1",
+        "q2",
+        "V",
+        "width",
+        "seconds",
+    )
+    assert history.last() == row
+    assert history.rows() == [row]
+    assert history.q(1).tolist() == [-2.0]
+    assert history.C_q(0).tolist() == [0.01]
+    assert row["q2"] == -2.0
+
+
+def test_a_history_of_an_older_version_has_no_leaps() -> None:
+    history = History(("update", "dt", "seconds"), np.array([[0.0, 1.0, 0.5], [1.0, np.inf, 0.7]]))
+    start, end = history.rows()
+    assert start.leap == 0.0
+    assert end.is_end
+    assert not start.is_end
+    assert end.seconds == 0.7
+
+
+def test_what_a_row_means() -> None:
+    assert Row(2, 0.0).is_return
+    assert not Row(0, 0.0).is_return
+    assert Row(1, 1.0, leap=-3.0, rejected=2).failed == 1
+    assert Row(1, 1.0, leap=3.0, rejected=2).failed == 2
+    assert Row(1, 1.0, leap=3.0).leapt
+    assert Row(1, 1.0, newton_iterations=4, rejected_iterations=6).iterations == 10
