@@ -38,6 +38,7 @@ from netgen.occ import Glue, MoveTo, OCCGeometry, X
 from ngsolve.meshes import MakeStructured2DMesh
 
 from ngspring import ControlPoint, SpringProblem
+from ngspring.analysis.path import follow
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.process import parallel, tasks
 from ngspring.physics.elasticity import strain_energy
@@ -45,7 +46,6 @@ from ngspring.physics.void import void_regularisation_scale
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, numbered
 from ngspring.solid.contact.mechanics import ContactMechanics
-from ngspring.solid.contact.path import follow_contact
 from ngspring.solid.contact.supports import dof_places, dofs_on
 from ngspring.solid.contact.surface import free_surface
 from ngspring.solid.contact.tunnelling import Skeleton
@@ -107,7 +107,7 @@ def real_contact(displacements: Sequence[float], maxh: float = 0.1) -> Curve:
     solid = Solid(mesh, lambda u, grad_u: strain_energy(u, grad_u, PROBLEM), matrix)
     contact = Contact(free_surface(mesh, "surface"), (), LAW, lambda x: np.ones(len(x)))
     mechanics = ContactMechanics(solid, contact, Skeleton(mesh, "surface"), HEIGHT)
-    points, message = follow_contact(mechanics, np.array(displacements), mechanics.at_rest())
+    points, message = follow(mechanics, np.array(displacements), mechanics.at_rest())
     if message:
         raise SystemExit(message)
     fields = [mechanics.full_field(point.d, point.u) for point in points]

@@ -7,22 +7,29 @@ for the discrete energy E.
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
+import scipy.sparse as sp
 
+from ngspring.analysis.newton import Step, newton
+from ngspring.analysis.path import Steps, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.constraints import displacement_extraction, stretched
 from ngspring.fem.grid import Grid, ScalarSpace
-from ngspring.fem.linear import make_factorization, multiply, wants_upper
-from ngspring.fem.process import tasks
+from ngspring.fem.linear import make_factorization, multiply, symmetric, wants_upper
+from ngspring.fem.process import giving_memory_back, tasks
 from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern
-from ngspring.physics.chi import stiffness
+from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.scaling import force_unit
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,10 @@ class Mechanics:
     """
 
     MAX_ITERATIONS = 25
+    #: How the step of a load path changes.
+    steps = Steps(
+        first=0.02, smallest=1e-4, largest=0.05, easy=4, hard=10, growth=2.0, remembered=True
+    )
 
     def __init__(
         self,
@@ -102,14 +113,17 @@ class Mechanics:
         space = ng.VectorH1(grid.mesh, order=2)
         u = space.TrialFunction()
         energy = strain_energy(u, ng.Grad(u), problem)
-        scaled = stiffness(field + self._eta, problem) * energy
+        #: The design field with its offset, as an expression of NGSolve.
+        self.chi = field + self._eta
+        scaled = stiffness(self.chi, problem) * energy
         self._form = ng.BilinearForm(space, symmetric=True)
         density = measure(problem) * scaled
         self._form += ng.Variation(density.Compile() * dx())
         self._u = ng.GridFunction(space)
         self._u.vec[:] = 0.0
         self._result = self._u.vec.CreateVector()
-        self._prepare(solver, threads)
+        with giving_memory_back():
+            self._prepare(solver, threads)
         self._set_points(at_points + eta)
 
     def _prepare(self, solver: str, threads: int) -> None:
@@ -158,6 +172,11 @@ class Mechanics:
         self._field.vec.FV().NumPy()[:] = chi
         self._eta.Set(eta)
         self._set_points(self.void.chi_at_points(chi) + eta)
+
+    @property
+    def size(self) -> float:
+        """H in mm, which steps and updates are measured with."""
+        return self.problem.H
 
     def full_field(self, d: float, u: FloatArray) -> FloatArray:
         """Dofs of the VectorH1 space (x component first)."""
@@ -210,6 +229,45 @@ class Mechanics:
         column = np.zeros(self.free)
         column[self._top_rows] = values[self._top_entries]
         return column, float(values[self._corner])
+
+    @property
+    def tangent(self) -> sp.csr_matrix:
+        """The last assembled tangent on the free displacements, both triangles."""
+        return symmetric(self._factorization.matrix)
+
+    @property
+    def negative_eigenvalues(self) -> int | None:
+        """How many eigenvalues of the last tangent are negative; None if the solver cannot tell."""
+        return self._factorization.negative_eigenvalues
+
+    @property
+    def chi_at_points(self) -> FloatArray:
+        """chi + eta at the Gauss points, (elements, 9)."""
+        return self._at_points
+
+    def second_derivative_at_rest(self, density: Callable[[CF, CF], CF]) -> sp.csr_matrix:
+        """Second derivative of another energy than the strain energy, at the undeformed state.
+
+        Parameters
+        ----------
+        density : callable
+            The energy per area of the mesh from u and its gradient; may contain `chi`.
+
+        Returns
+        -------
+        scipy.sparse.csr_matrix (free, free)
+            Both triangles.
+        """
+        space = self._u.space
+        u = space.TrialFunction()
+        form = ng.BilinearForm(space, symmetric=True)
+        form += ng.Variation(density(u, ng.Grad(u)).Compile() * dx())
+        self._u.vec[:] = 0.0
+        with tasks():
+            form.AssembleLinearization(self._u.vec)
+        triangle = self._factorization.matrix.copy()
+        triangle.data = (self._map @ form.mat.AsVector().FV().NumPy())[self._inner_entries]
+        return symmetric(triangle)
 
     def _diagonal_at_rest(self) -> FloatArray:
         if self._stiff_diagonal is None:
@@ -310,40 +368,54 @@ class Mechanics:
         ConvergenceError
             If it does not converge.
         """
-        u = guess
-        force = self.forces(d, u)
+        force = self.forces(d, guess)
         if not np.isfinite(force).all():
             raise ConvergenceError("the initial guess inverts an element")
         first = np.linalg.norm(force[:-1])
-        for iteration in range(1, self.MAX_ITERATIONS + 1):
-            column, corner = self.assemble(d, u)
-            update = self.solve_linear(-force[:-1])
-            step = 1.0
-            while True:
-                trial = u + step * update
-                trial_force = self.forces(d, trial)
-                if np.isfinite(trial_force).all():
-                    break
-                step /= 2
-                if step < 1e-3:
-                    raise ConvergenceError("every Newton step inverts an element")
-            u, force = trial, trial_force
+
+        def converged(step: Step[FloatArray]) -> bool:
+            force = step.after
             norm = np.linalg.norm(force[:-1])
-            size = np.abs(step * update).max() if len(update) else 0.0
-            if size > 1e3 * self.problem.H or norm > 1e8 * (first + self.force_unit):
+            if step.size > 1e3 * self.size or norm > 1e8 * (first + self.force_unit):
                 raise ConvergenceError("Newton's method diverges")
             # Quadratic convergence: after an update of 1e-7 the next one would be rounding.
-            if (
-                step == 1.0
-                and size <= 1e-7 * self.problem.H
-                and norm <= 1e-9 * (1e-3 * self.force_unit + abs(force[-1]))
-            ):
-                column, corner = self.assemble(d, u)
-                u = u - self.solve_linear(force[:-1])
-                q = float(self.forces(d, u)[-1])
-                tangent = -self.solve_linear(column)
-                return Equilibrium(d, u, q, tangent, corner + float(column @ tangent), iteration)
-        raise ConvergenceError(f"no convergence in {self.MAX_ITERATIONS} Newton iterations")
+            small = step.length == 1.0 and step.size <= 1e-7 * self.size
+            return bool(small and norm <= 1e-9 * (1e-3 * self.force_unit + abs(force[-1])))
+
+        u, force, iterations = newton(
+            guess,
+            force,
+            evaluate=lambda u: self.forces(d, u),
+            direction=lambda u, force: self.newton_update(d, u, force)[0],
+            acceptable=lambda step: bool(np.isfinite(step.after).all()),
+            converged=converged,
+            max_iterations=self.MAX_ITERATIONS,
+        )
+        column, corner = self.assemble(d, u)
+        u = u - self.solve_linear(force[:-1])
+        q = float(self.forces(d, u)[-1])
+        tangent = -self.solve_linear(column)
+        return Equilibrium(d, u, q, tangent, corner + float(column @ tangent), iterations)
+
+    def newton_update(
+        self, d: float, u: FloatArray, force: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Newton's update of u where the forces are these, and the tangent's column of u_Ty."""
+        column, _ = self.assemble(d, u)
+        return self.solve_linear(-force[:-1]), column
+
+    def advanced(self, here: Equilibrium, target: float, tried: float) -> tuple[Equilibrium, float]:
+        """The equilibrium ``tried`` mm on towards a target, see `ngspring.analysis.path`."""
+        d = stepped(here.d, target, tried)
+        return self.equilibrium(d, here.u + (d - here.d) * here.tangent), tried
+
+    def settled(self, here: Equilibrium, target: float, tried: float) -> Equilibrium:
+        """Where the spring jumps if the branch ends here, see `settle`."""
+        d = stepped(here.d, target, tried)
+        u, _ = self.settle(d, here.u, 1e-7 * (1e-3 * self.force_unit + abs(here.q)))
+        there = self.equilibrium(d, u)
+        logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)
+        return there
 
     def refined(self, point: Equilibrium) -> Equilibrium:
         """The same equilibrium and its tangent to rounding.

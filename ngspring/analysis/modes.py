@@ -24,7 +24,6 @@ from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from ngspring.analysis.mechanics import Mechanics
@@ -32,10 +31,9 @@ from ngspring.analysis.response import nodal_values
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.grid import ScalarSpace
-from ngspring.fem.linear import inertia, symmetric
+from ngspring.fem.linear import inertia
 from ngspring.physics.chi import stiffness
 from ngspring.physics.elasticity import measure, strain_energy
-from ngspring.physics.void import dx
 
 #: At most so many negative eigenvalues are computed (all of them are counted).
 MOST_NEGATIVE = 24
@@ -118,36 +116,34 @@ def mirrored(part: ScalarSpace, whole: ScalarSpace, field: FloatArray, d: float)
     return np.asarray(signs * field.reshape(2, -1)[:, twin] + shift).ravel()
 
 
-class FullTangent(Mechanics):
-    """The tangent on the full domain: its inertia and its lowest modes."""
+class FullTangent:
+    """The tangent on the full domain: its inertia and its lowest modes.
+
+    Attributes
+    ----------
+    body : Mechanics
+        Of the full domain.
+    mass : scipy.sparse.csr_matrix (free, free)
+        What eigenvalues are relative to: the stiffness of the solid at rest.
+    """
 
     def __init__(
         self, scalar: ScalarSpace, chi: FloatArray, eta: float, solver: str, threads: int
     ) -> None:
-        super().__init__(scalar, chi, eta, solver, threads)
-        space, problem = self._u.space, scalar.grid.problem
-        u = space.TrialFunction()
-        stiff = stiffness(self._field + self._eta, problem)
+        self.scalar = scalar
+        self.body = body = Mechanics(scalar, chi, eta, solver, threads)
+        problem = scalar.grid.problem
+        stiff = stiffness(body.chi, problem)
         kept = FAINT + (1 - FAINT) * stiff**2 / (stiff**2 + GREY**2)
-        density = measure(problem) * kept * stiff
-        density = density * strain_energy(u, ng.Grad(u), problem)
-        form = ng.BilinearForm(space, symmetric=True)
-        form += ng.Variation(density.Compile() * dx())
-        self._u.vec[:] = 0.0
-        form.AssembleLinearization(self._u.vec)
-        values = self._map @ form.mat.AsVector().FV().NumPy()
-        self._mass = self._whole(values)
-        table = self.void.table
+        self.mass = body.second_derivative_at_rest(
+            lambda u, grad_u: measure(problem) * kept * stiff * strain_energy(u, grad_u, problem)
+        )
+        table, at_points = body.void.table, body.chi_at_points
+        self._u = ng.GridFunction(ng.VectorH1(scalar.grid.mesh, order=2))
         self._places = scalar.grid.mesh(table.x.ravel(), table.y.ravel())
-        self._weights = stiffness(self._at_points, problem) * table.weights
-        self._region = (self._at_points < 0).astype(np.int64) + (self._at_points <= -5)
+        self._weights = stiffness(at_points, problem) * table.weights
+        self._region = (at_points < 0).astype(np.int64) + (at_points <= -5)
         self._twins = [scalar.opposite(np.arange(scalar.ndof), axis) for axis in (0, 1)]
-
-    def _whole(self, values: FloatArray) -> sp.csr_matrix:
-        """Both triangles of the free displacements' matrix from the values of the whole."""
-        triangle = self._factorization.matrix.copy()
-        triangle.data = values[self._inner_entries]
-        return symmetric(triangle)
 
     def lowest(
         self, d: float, u: FloatArray, count: int
@@ -176,9 +172,8 @@ class FullTangent(Mechanics):
         ConvergenceError
             If the tangent is not finite, or the eigenvalues do not converge.
         """
-        self.assemble(d, u)
-        negative = self._factorization.negative_eigenvalues
-        tangent = symmetric(self._factorization.matrix)
+        self.body.assemble(d, u)
+        negative, tangent = self.body.negative_eigenvalues, self.body.tangent
         if negative is None:
             negative = inertia(tangent)
         # Of 1 / lambda: the largest in size; or the largest, and all negative ones.
@@ -186,18 +181,18 @@ class FullTangent(Mechanics):
         wanted = [("LM", 1 if at_rest else count)]
         if negative:
             wanted = [("LA", count), ("SA", min(negative, MOST_NEGATIVE))]
-        inverse = LinearOperator(tangent.shape, matvec=self.solve_linear, dtype=float)
+        inverse = LinearOperator(tangent.shape, matvec=self.body.solve_linear, dtype=float)
         found = []
         for which, k in wanted:
             try:
                 pair = eigsh(
                     tangent,
                     k,
-                    self._mass,
+                    self.mass,
                     sigma=0.0,
                     which=which,
                     OPinv=inverse,
-                    v0=np.random.default_rng(0).uniform(-1, 1, self.free),
+                    v0=np.random.default_rng(0).uniform(-1, 1, self.body.free),
                     ncv=max(40, 2 * k + 10),
                     tol=1e-2 if at_rest else 1e-4,
                 )
@@ -211,15 +206,14 @@ class FullTangent(Mechanics):
 
     def mode(self, value: float, v: FloatArray) -> Mode:
         """Describe an eigenvector."""
-        full = np.asarray(self.extraction @ np.append(v, 0.0))
+        full = self.body.full_field(0.0, v)
         components = full.reshape(2, -1)
-        image_x = (components * [[-1.0], [1.0]])[:, self._twins[0]].ravel()
-        image_y = (components * [[1.0], [-1.0]])[:, self._twins[1]].ravel()
-        product = self._mass @ v
-        parity = [
-            float(product @ self.displacement.restrict(image)[:-1] / (product @ v))
-            for image in (image_x, image_y)
-        ]
+        product = self.mass @ v
+        parity = []
+        for axis, twin in enumerate(self._twins):
+            image = np.where(np.arange(2)[:, None] == axis, -1.0, 1.0) * components[:, twin]
+            moved = self.body.displacement.restrict(image.ravel())[:-1]
+            parity.append(float(product @ moved / (product @ v)))
         if self.scalar.grid.sector.half_width:
             parity[0] = 1.0
         nodes = np.array([nodal_values(self.scalar, part) for part in components])
@@ -232,7 +226,7 @@ class FullTangent(Mechanics):
         problem = self.scalar.grid.problem
         a, b, c, e = np.asarray(ng.Grad(self._u)(self._places)).T
         u_x = np.asarray(self._u.components[0](self._places)).ravel()
-        hoop = problem.motion.F_33(u_x, self.void.table.x.ravel(), problem.L) - 1.0
+        hoop = problem.motion.F_33(u_x, self.body.void.table.x.ravel(), problem.L) - 1.0
         trace = a + e + hoop
         squared = a**2 + e**2 + hoop**2 + (b + c) ** 2 / 2
         density = problem.K * trace**2 + 2 * problem.G * (squared - trace**2 / 3)

@@ -1,93 +1,157 @@
-"""Following the load path of a design with adaptive steps."""
+"""Following a load path with adaptive steps, of the third medium and of real contact alike."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ngspring.analysis.mechanics import Equilibrium, Mechanics
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.problem.spring import SpringProblem
 
-logger = logging.getLogger(__name__)
+
+class Point(Protocol):
+    """One equilibrium of a path."""
+
+    @property
+    def d(self) -> float:
+        """Displacement in mm."""
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations that it took."""
 
 
-def follow(
-    mechanics: Mechanics,
-    targets: FloatArray,
-    start: Equilibrium | None = None,
-    first_step: float | None = None,
-    on_point: Callable[[Equilibrium], None] | None = None,
-) -> tuple[list[Equilibrium], str]:
-    """Follow the load path through displacements that move away from the start one way.
+P = TypeVar("P", bound=Point)
 
-    The step adapts: it grows after easy steps and is halved after a failed one. Where it becomes
-    tiny the branch has ended (something snaps through), and the path goes on from where the spring
-    settles, see `Mechanics.settle`. It ends early where that fails too.
+
+@dataclass(frozen=True)
+class Steps:
+    """How the step along a path changes.
 
     Parameters
     ----------
-    mechanics : Mechanics
+    first, smallest, largest : float
+        In units of the size.
+    easy, hard : int
+        After a step of at most so many iterations the next one is longer, after one of at least
+        so many half as long.
+    growth : float
+        By this factor it is longer.
+    remembered : bool
+        Whether a step that a target cut short leaves the next one as long as it was before, unless
+        it was easy, which it always does then.
+    """
+
+    first: float
+    smallest: float
+    largest: float
+    easy: int
+    hard: int
+    growth: float
+    remembered: bool
+
+    def after(self, step: float, tried: float, at_target: bool, iterations: int) -> float:
+        """The next step, if one of ``tried`` out of ``step`` took so many iterations."""
+        whole = max(tried, step) if at_target else tried
+        if iterations <= self.easy:
+            return self.growth * whole
+        kept = whole if self.remembered else tried
+        return kept / 2 if iterations >= self.hard else kept
+
+
+class Followed(Protocol[P]):
+    """A body whose load path can be followed."""
+
+    steps: Steps
+
+    @property
+    def size(self) -> float:
+        """The length in mm that steps are measured with."""
+
+    def at_rest(self) -> P:
+        """The undeformed state."""
+
+    def advanced(self, here: P, target: float, tried: float) -> tuple[P, float]:
+        """The equilibrium ``tried`` mm on towards a target.
+
+        Also the step that was made, which may be shorter. Raises `ConvergenceError`.
+        """
+
+    def settled(self, here: P, target: float, tried: float) -> P:
+        """Where the body goes if the branch ends at ``here``. Raises `ConvergenceError`."""
+
+
+def follow(
+    body: Followed[P],
+    targets: FloatArray,
+    start: P | None = None,
+    first_step: float | None = None,
+    on_point: Callable[[P], None] | None = None,
+) -> tuple[list[P], str]:
+    """Follow the load path through displacements that move away from the start one way.
+
+    The step adapts: it grows after easy steps and is halved after a failed one. Where it becomes
+    tiny the branch has ended (something snaps through), and the path goes on from where the body
+    settles. It ends early where that fails too.
+
+    Parameters
+    ----------
+    body : Followed
+        `ngspring.analysis.mechanics.Mechanics`, or
+        `ngspring.solid.contact.mechanics.ContactMechanics`.
     targets : array
         Displacements in mm, in order.
-    start : Equilibrium, optional
+    start : optional
         Where to start; the undeformed state by default.
     first_step : float, optional
-        First step in mm; 2 % of H by default.
+        First step in mm.
     on_point : callable, optional
         Called with each accepted equilibrium, in-between ones included.
 
     Returns
     -------
-    points : list of Equilibrium
+    points : list
         One for each target that was reached.
     message : str
         Empty, or why and where the path ended.
     """
-    height = mechanics.scalar.grid.problem.H
-    smallest = 1e-4 * height
-    here = mechanics.at_rest() if start is None else start
-    step = 0.02 * height if first_step is None else first_step
-    points: list[Equilibrium] = []
+    steps, size = body.steps, body.size
+    here = body.at_rest() if start is None else start
+    step = steps.first * size if first_step is None else first_step
+    points: list[P] = []
     for target in map(float, targets):
         while here.d != target:
-            distance = target - here.d
-            tried = min(step, abs(distance))
-            d = target if tried == abs(distance) else here.d + float(np.copysign(tried, distance))
+            tried = min(step, abs(target - here.d))
             try:
-                there = mechanics.equilibrium(d, here.u + (d - here.d) * here.tangent)
+                there, tried = body.advanced(here, target, tried)
+                following = steps.after(step, tried, there.d == target, there.iterations)
             except ConvergenceError as error:
-                step = tried / 2
-                if step >= smallest:
+                step = following = tried / 2
+                if step >= steps.smallest * size:
                     continue
                 try:
-                    there = _snap(mechanics, d, here)
+                    there = body.settled(here, target, tried)
                 except ConvergenceError:
                     return points, (
                         f"the path ends at d = {here.d:.6g} mm, before {target:.6g} mm: {error}"
                     )
-                step = 10 * smallest
+                following = steps.after(10 * steps.smallest * size, tried, True, there.iterations)
             here = there
             if on_point is not None:
                 on_point(here)
-            if here.iterations <= 4:
-                step *= 2.0
-            elif here.iterations >= 10:
-                step /= 2.0
-            step = min(max(step, smallest), 0.05 * height)
+            step = min(max(following, steps.smallest * size), steps.largest * size)
         points.append(here)
     return points, ""
 
 
-def _snap(mechanics: Mechanics, d: float, here: Equilibrium) -> Equilibrium:
-    accuracy = 1e-7 * (1e-3 * mechanics.force_unit + abs(here.q))
-    u, _ = mechanics.settle(d, here.u, accuracy)
-    there = mechanics.equilibrium(d, u)
-    logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)
-    return there
+def stepped(here: float, target: float, tried: float) -> float:
+    """The displacement ``tried`` mm on from here towards a target, which is hit exactly."""
+    distance = target - here
+    return target if tried == abs(distance) else here + float(np.copysign(tried, distance))
 
 
 def checked_displacements(displacements: Iterable[float], problem: SpringProblem) -> FloatArray:

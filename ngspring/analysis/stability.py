@@ -198,8 +198,8 @@ class _Analysis:
         """Mirror a state to the full domain and compute its lowest modes."""
         d, tangent = state.d, self.tangent
         field = mirrored(self.part, self.whole, self.quarter.full_field(d, state.u), d)
-        u = tangent.displacement.restrict(field)[:-1]
-        forces = tangent.forces(d, u)[:-1]
+        u = tangent.body.displacement.restrict(field)[:-1]
+        forces = tangent.body.forces(d, u)[:-1]
         imbalance = float(np.linalg.norm(forces)) / (abs(state.q) + self._small)
         values, vectors, negative = tangent.lowest(d, u, self.modes)
         modes = tuple(tangent.mode(float(w), v) for w, v in zip(values, vectors.T, strict=True))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ngspring.analysis.mechanics import Mechanics
+from ngspring.analysis.newton import NewtonError, Step, newton
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.kkt.system import CoupledSystem, State
@@ -97,23 +98,28 @@ class Elimination:
 
         Where it fails the branch of equilibria has ended, and the spring settles elsewhere.
         """
-        start = u
-        for _ in range(self.MAX_ITERATIONS):
+        columns: list[FloatArray] = []
+
+        def direction(u: FloatArray, force: FloatArray) -> FloatArray:
             self.iterations += 1
-            column, _ = body.assemble(d, u)
-            update = body.solve_linear(-force[:-1])
-            norm = np.linalg.norm(force[:-1])
-            step = 1.0
-            while True:
-                trial = u + step * update
-                trial_force = body.forces(d, trial)
-                trial_norm = np.linalg.norm(trial_force[:-1])
-                if np.isfinite(trial_force).all() and trial_norm <= max(10 * norm, accuracy):
-                    break
-                step /= 2
-                if step < 1e-3:
-                    return body.settle(d, start, accuracy, self.MAX_SETTLING)
-            u, force = trial, trial_force
-            if trial_norm <= accuracy:
-                return u, -body.solve_linear(column)
-        return body.settle(d, start, accuracy, self.MAX_SETTLING)
+            update, column = body.newton_update(d, u, force)
+            columns[:] = [column]
+            return update
+
+        def acceptable(step: Step[FloatArray]) -> bool:
+            before, after = (np.linalg.norm(f[:-1]) for f in (step.before, step.after))
+            return bool(np.isfinite(step.after).all() and after <= max(10 * before, accuracy))
+
+        try:
+            balanced, _, _ = newton(
+                u,
+                force,
+                evaluate=lambda u: body.forces(d, u),
+                direction=direction,
+                acceptable=acceptable,
+                converged=lambda step: bool(np.linalg.norm(step.after[:-1]) <= accuracy),
+                max_iterations=self.MAX_ITERATIONS,
+            )
+        except NewtonError:
+            return body.settle(d, u, accuracy, self.MAX_SETTLING)
+        return balanced, -body.solve_linear(columns[0])

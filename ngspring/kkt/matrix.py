@@ -5,6 +5,8 @@ All patterns and index maps of a mesh, built once: an iteration only multiplies 
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern, scatter_map
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.void import VoidBlocks
+
+#: Name of a piece of the triangle, and the control point it belongs to.
+Piece: TypeAlias = tuple[str, int]
 
 
 class BlockMaps:
@@ -34,8 +39,6 @@ class BlockMaps:
     triangle : scipy.sparse.csr_matrix
         Pattern of that triangle. Its values are those of the Newton matrix once it has been
         replaced by the factorisation's own.
-    place : array
-        Where in ``triangle.data`` each value goes, block after block.
     """
 
     def __init__(
@@ -135,32 +138,110 @@ class BlockMaps:
         cc = patterns["chi_chi"]
         self.chi_diagonal = _places(cc.columns == cc.rows)
 
-        # The lower triangle; its transpose has the same values.
-        rows, columns = [cc.rows], [cc.columns]
+        self._place_pieces(patterns, nc, free, points, upper)
+
+    def _place_pieces(
+        self, patterns: dict[str, Pattern], nc: int, free: int, points: int, upper: bool
+    ) -> None:
+        """Rows and columns of every piece of the lower triangle, whose transpose has its values."""
+        cc, ul = patterns["chi_chi"], patterns["u_lam"]
+        chi_u, chi_lam = patterns["chi_u"], patterns["chi_lam"]
+        uu_rows, uu_columns = ul.rows[self.inner], ul.columns[self.inner]
+        lower_rows, lower_columns = uu_rows[self.inner_lower], uu_columns[self.inner_lower]
+        of_top = ul.columns[self.top]
+        pieces: dict[Piece, tuple[IntArray, IntArray]] = {("chi_chi", 0): (cc.rows, cc.columns)}
         for j in range(points):
             a = nc + j * (2 * free + 1)
             b, top = a + free, a + 2 * free
-            lower = self.inner_lower
-            top_only = np.full(len(self.top), top)
-            rows += [chi_u.columns + a, chi_u.columns + b, uu_rows[lower] + a, uu_rows + b]
-            columns += [chi_u.rows, chi_u.rows, uu_columns[lower] + a, uu_columns + a]
-            rows += [uu_rows[lower] + b, np.full(len(self.chi_top), top), top_only, top_only]
-            columns += [uu_columns[lower] + b, chi_lam.rows[self.chi_top]]
-            columns += [ul.columns[self.top] + a, ul.columns[self.top] + b]
-            rows.append(np.array([top]))
-            columns.append(np.array([top]))
-        size = nc + points * (2 * free + 1)
-        row, column = np.concatenate(rows), np.concatenate(columns)
+
+            def on_top(columns: IntArray, top: int = top) -> tuple[IntArray, IntArray]:
+                return np.full(len(columns), top), columns
+
+            pieces |= {
+                ("a_chi", j): (chi_u.columns + a, chi_u.rows),
+                ("b_chi", j): (chi_u.columns + b, chi_u.rows),
+                ("a_a", j): (lower_rows + a, lower_columns + a),
+                ("b_a", j): (uu_rows + b, uu_columns + a),
+                ("b_b", j): (lower_rows + b, lower_columns + b),
+                ("top_chi", j): on_top(chi_lam.rows[self.chi_top]),
+                ("top_a", j): on_top(of_top + a),
+                ("top_b", j): on_top(of_top + b),
+                ("top_top", j): on_top(np.array([top])),
+            }
+        self._store(pieces, nc + points * (2 * free + 1), upper)
+
+    def _store(
+        self, pieces: dict[Piece, tuple[IntArray, IntArray]], size: int, upper: bool
+    ) -> None:
+        """The triangle's pattern, and where in it each piece goes."""
+        row, column = (np.concatenate(part) for part in zip(*pieces.values(), strict=True))
         if upper:
             row, column = column, row
         keys = row.astype(np.int64) * size + column
         order = np.argsort(keys, kind="stable")
-        self.place = np.empty(len(order), np.int32)
-        self.place[order] = np.arange(len(order), dtype=np.int32)
+        place = np.empty(len(order), np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        ends = np.cumsum([len(rows) for rows, _ in pieces.values()])
+        self._place = dict(zip(pieces, np.split(place, ends[:-1]), strict=True))
         self.triangle = Pattern(keys[order], (size, size)).matrix(np.ones(len(keys)))
         self._diagonal = self.triangle.indptr[:-1] if upper else self.triangle.indptr[1:] - 1
         if not np.array_equal(self.triangle.indices[self._diagonal], np.arange(size)):
             raise AssertionError("the Newton matrix lacks a diagonal entry")
+
+    def write(self, name: str, values: FloatArray, j: int = 0) -> None:
+        """Write a piece of the triangle.
+
+        Parameters
+        ----------
+        name : str
+            "chi_chi"; or, of control point j, a row and a column out of a, b (``u = a + b``,
+            ``lam = s (a - b)``) and top (``lam_Ty``): "a_chi", "b_chi", "a_a", "b_a", "b_b",
+            "top_chi", "top_a", "top_b", "top_top". What is symmetric is its lower triangle.
+        values : array
+            In the order of the piece's pattern.
+        j : int
+        """
+        self.triangle.data[self._place[name, j]] = values
+
+    def write_control_point(
+        self, j: int, stored: FloatArray, void: VoidBlocks, weight: float, t: float, s: float
+    ) -> FloatArray:
+        """Write the blocks of a control point, in the unknowns a and b.
+
+        Parameters
+        ----------
+        j : int
+        stored : array
+            Stored values of the control point's form.
+        void : VoidBlocks
+        weight : float
+            w of the control point.
+        t, s : float
+            Scales of chi and of lam.
+
+        Returns
+        -------
+        array
+            Its part of the chi-chi block, not scaled.
+        """
+        # One after the other, so that little is held at a time.
+        chi_u, chi_lam = self.block("chi_u", stored, void), self.block("chi_lam", stored, void)
+        self.write("top_chi", t * chi_lam[self.chi_top], j)
+        chi_u *= t
+        chi_lam = (t * s) * chi_lam[self.chi_inner]
+        self.write("a_chi", chi_u + chi_lam, j)
+        self.write("b_chi", chi_u - chi_lam, j)
+        del chi_u, chi_lam
+        bb, kk = self.block("u_u", stored, void), self.block("u_lam", stored, void)
+        bb_lower = bb[self.inner_lower]
+        kk_lower = (2 * s) * kk[self.inner][self.inner_lower]
+        self.write("a_a", bb_lower + kk_lower, j)
+        self.write("b_a", bb, j)
+        self.write("b_b", bb_lower - kk_lower, j)
+        self.write("top_a", kk[self.top], j)
+        self.write("top_b", kk[self.top], j)
+        self.write("top_top", np.array([-1.0 / weight]), j)
+        return self.block("chi_chi", stored, void)
 
     def diagonal(self) -> FloatArray:
         """Diagonal of the assembled matrix."""

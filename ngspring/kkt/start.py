@@ -13,7 +13,6 @@ from ngspring.analysis.path import follow
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
-from ngspring.fem.memory import end_setup
 from ngspring.kkt.system import CoupledSystem, State
 from ngspring.problem.spring import SpringProblem
 
@@ -87,7 +86,4 @@ def initial_state(system: CoupledSystem, design: Design) -> State:
         if load is not None:
             body.assemble(point.d, point.u)
         lam.append(body.adjoint(point, control.weight * (point.q - control.q), load))
-    state = State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
-    del bodies, points
-    end_setup()
-    return state
+    return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))

@@ -19,7 +19,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.fem.constraints import displacement_extraction, spline_extraction
 from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import Factorization, make_factorization, multiply, wants_upper
-from ngspring.fem.memory import begin_setup, end_setup
+from ngspring.fem.process import giving_memory_back
 from ngspring.kkt.matrix import BlockMaps
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
@@ -233,9 +233,8 @@ class CoupledSystem:
         """
         maps = self._maps
         if maps is None:
-            begin_setup()
-            maps = self._maps = self._build_maps(state)
-            end_setup()
+            with giving_memory_back():
+                maps = self._maps = self._build_maps(state)
         if self._factorization is None:
             self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
             maps.triangle = self._factorization.matrix
@@ -246,15 +245,6 @@ class CoupledSystem:
         s = float(np.clip(np.abs(state.lam).max() / unit, 1e-8, 1.0)) * unit / self._length_unit
         self._scale = s
         chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
-        values = maps.triangle.data
-        place = maps.place
-        filled = len(chi_chi)
-
-        def put(piece: FloatArray) -> None:
-            nonlocal filled
-            values[place[filled : filled + len(piece)]] = piece
-            filled += len(piece)
-
         # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
         diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
         t = self._chi_unit = float(1 / np.sqrt(diagonal)) if 0 < diagonal < np.inf else 1.0
@@ -262,29 +252,10 @@ class CoupledSystem:
             vector = self.control_point_vector(state, j)
             stored, void = self.control_point.tangent(vector, point.eta)
             start = self.timings.add("assembly", start)
-            # One after the other, so that little is held at a time.
-            chi_chi += maps.block("chi_chi", stored, void)
-            chi_u, chi_lam = maps.block("chi_u", stored, void), maps.block("chi_lam", stored, void)
-            chi_top = t * chi_lam[maps.chi_top]
-            chi_u *= t
-            chi_lam = (t * s) * chi_lam[maps.chi_inner]
-            put(chi_u + chi_lam)
-            put(chi_u - chi_lam)
-            del chi_u, chi_lam
-            bb, kk = maps.block("u_u", stored, void), maps.block("u_lam", stored, void)
-            bb_lower = bb[maps.inner_lower]
-            kk_lower = (2 * s) * kk[maps.inner][maps.inner_lower]
-            put(bb_lower + kk_lower)
-            put(bb)
-            put(bb_lower - kk_lower)
-            put(chi_top)
-            put(kk[maps.top])
-            put(kk[maps.top])
-            del bb, kk, bb_lower, kk_lower
-            put(np.array([-1.0 / point.weight]))
+            chi_chi += maps.write_control_point(j, stored, void, point.weight, t, s)
             start = self.timings.add("reduction", start)
-        values[place[: len(chi_chi)]] = t**2 * chi_chi
-        if not np.isfinite(values).all():
+        maps.write("chi_chi", t**2 * chi_chi)
+        if not np.isfinite(maps.triangle.data).all():
             raise LinearSolveError("the Newton matrix has entries that are not finite")
         start = self.timings.add("reduction", start)
         try:

@@ -18,11 +18,11 @@ from support.contact_bodies import (
     two_blocks,
 )
 
+from ngspring.analysis.path import follow as follow_contact
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.basics.errors import ProblemError
 from ngspring.solid.contact.contact import Contact, ContactLaw, lobatto
 from ngspring.solid.contact.mechanics import ContactMechanics, ContactPoint
-from ngspring.solid.contact.path import follow_contact
 from ngspring.solid.contact.response import ContactSettings, contact_mechanics
 from ngspring.solid.contact.supports import Plane, dof_places
 from ngspring.solid.contact.surface import free_surface

@@ -23,6 +23,7 @@ distance.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -172,6 +173,12 @@ class Contact:
         for k, rows in enumerate(self._plane_rows):
             moves = sp.csr_matrix(abs(rows @ extraction)).max(axis=1).toarray().ravel() > 1e-12
             self._apart[k] = moves | (self._plane_gaps_at_rest[k] > 1e-6 * self.length.max())
+
+    def with_law(self, law: ContactLaw) -> Contact:
+        """The same contact with another law."""
+        other = copy.copy(self)
+        other.law = law
+        return other
 
     def state(self, full: FloatArray) -> ContactState:
         """Find what touches what at these dofs of the VectorH1 space."""

@@ -8,11 +8,14 @@ downhill.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
+from ngspring.analysis.newton import NewtonError, Step, newton
+from ngspring.analysis.path import Steps, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.linear import (
@@ -26,6 +29,8 @@ from ngspring.fem.linear import (
 from ngspring.solid.contact.contact import Contact, ContactState
 from ngspring.solid.contact.elasticity import Solid
 from ngspring.solid.contact.tunnelling import Skeleton
+
+logger = logging.getLogger(__name__)
 
 #: Softer laws on the way, from what overlap on (in units of epsilon), and their accuracy.
 _SOFTER = (400.0, 20.0)
@@ -94,6 +99,10 @@ class ContactMechanics:
 
     MAX_ITERATIONS = 60
     ACCURACY = 1e-9
+    #: How the step of a load path changes.
+    steps = Steps(
+        first=0.01, smallest=1e-5, largest=0.05, easy=14, hard=24, growth=1.7, remembered=False
+    )
 
     def __init__(
         self,
@@ -115,22 +124,26 @@ class ContactMechanics:
         """Dofs of the VectorH1 space."""
         return np.asarray(self.solid.matrix @ np.append(u, d))
 
-    def _state(self, d: float, u: FloatArray) -> _State:
+    def _state(self, d: float, u: FloatArray, law: Contact | None = None) -> _State:
+        law = self.contact if law is None else law
         full = self.full_field(d, u)
-        contact = self.contact.state(full)
-        energy = self.solid.energy(full) + self.contact.energy(contact)
-        force = self.solid.transposed @ (self.solid.forces(full) + self.contact.forces(contact))
+        contact = law.state(full)
+        energy = self.solid.energy(full) + law.energy(contact)
+        force = self.solid.transposed @ (self.solid.forces(full) + law.forces(contact))
         return _State(full, contact, energy, np.asarray(force))
 
     def _admissible(self, state: _State) -> bool:
         return bool(np.isfinite(state.energy) and np.isfinite(state.force).all())
 
-    def _tangent(self, state: _State) -> tuple[sp.csr_matrix, FloatArray, float]:
+    def _tangent(
+        self, state: _State, law: Contact | None = None
+    ) -> tuple[sp.csr_matrix, FloatArray, float]:
         """Matrix of the free unknowns, its column of d, and their corner."""
         stiffness = self.solid.tangent(state.full)
         if not np.isfinite(stiffness.data).all():
             raise ConvergenceError("the tangent has entries that are not finite")
-        contact = self.contact.second_derivative(state.contact, self.solid.matrix)
+        law = self.contact if law is None else law
+        contact = law.second_derivative(state.contact, self.solid.matrix)
         total = sp.csr_matrix(stiffness + contact)
         n = self.solid.free
         column = np.asarray(total[:n, n].todense()).ravel()
@@ -193,57 +206,64 @@ class ContactMechanics:
         state = self._state(d, u)
         if not self._admissible(state):
             raise ConvergenceError("the initial guess inverts an element")
-        if state.contact.smallest_gap < -_DEEP * self.contact.law.epsilon:
-            law = self.contact.law
-            try:
-                for factor in _SOFTER:
-                    self.contact.law = law.softened(factor)
-                    u, iterations = self._minimise(d, u, iterations, _ROUGH)
-            finally:
-                self.contact.law = law
-        u, iterations = self._minimise(d, u, iterations, self.ACCURACY)
-        return self._finished(d, u, iterations)
+        contact = self.contact
+        if state.contact.smallest_gap < -_DEEP * contact.law.epsilon:
+            for factor in _SOFTER:
+                softer = contact.with_law(contact.law.softened(factor))
+                u, made = self._minimise(d, u, softer, _ROUGH)
+                iterations += made
+        u, made = self._minimise(d, u, contact, self.ACCURACY)
+        return self._finished(d, u, iterations + made)
 
     def _minimise(
-        self, d: float, u: FloatArray, iterations: int, accuracy: float
+        self, d: float, u: FloatArray, contact: Contact, accuracy: float
     ) -> tuple[FloatArray, int]:
-        """Newton's method until forces and updates are small; returns u and all iterations."""
-        state = self._state(d, u)
-        norm = np.inf
-        for iteration in range(iterations + 1, iterations + self.MAX_ITERATIONS + 1):
-            matrix, _, _ = self._tangent(state)
-            update, shift = self._direction(matrix, state.force[:-1])
-            u, state, step = self._line_search(d, u, state, update)
-            size = float(np.abs(step * update).max(initial=0.0))
-            norm = float(np.linalg.norm(state.force[:-1]))
-            if (
-                step == 1.0
-                and shift == 0.0
-                and size <= 100 * accuracy * self.size
-                and norm <= accuracy * (1e-3 + abs(state.force[-1]))
-            ):
-                return u, iteration
-        raise ConvergenceError(
-            f"no convergence in {self.MAX_ITERATIONS} iterations (forces out of balance by"
-            f" {norm:.2g} N)"
-        )
+        """Newton's method until forces and updates are small; returns u and the iterations."""
+        shift = [0.0]
 
-    def _line_search(
-        self, d: float, u: FloatArray, state: _State, update: FloatArray
-    ) -> tuple[FloatArray, _State, float]:
-        free_way = self.skeleton.largest_step(state.full, self.full_field(d, u + update))
-        step = 1.0 if free_way == 1.0 else 0.9 * free_way
-        slope = float(update @ state.force[:-1])
-        # Rounding of the energy must not stop the last steps.
-        rounding = 1e-12 * abs(state.energy) + self._rounding
-        while step > 1e-8:
-            trial = self._state(d, u + step * update)
-            if self._admissible(trial) and (
-                trial.energy <= state.energy + 1e-4 * step * slope + rounding
-            ):
-                return u + step * update, trial, step
-            step /= 2
-        raise ConvergenceError("the energy has no lower state along a Newton step")
+        def direction(u: FloatArray, state: _State) -> FloatArray:
+            matrix, _, _ = self._tangent(state, contact)
+            update, shift[0] = self._direction(matrix, state.force[:-1])
+            return update
+
+        def longest(u: FloatArray, update: FloatArray) -> float:
+            begin, end = self.full_field(d, u), self.full_field(d, u + update)
+            free_way = self.skeleton.largest_step(begin, end)
+            return 1.0 if free_way == 1.0 else 0.9 * free_way
+
+        def acceptable(step: Step[_State]) -> bool:
+            before, after = step.before, step.after
+            slope = float(step.update @ before.force[:-1])
+            # Rounding of the energy must not stop the last steps.
+            rounding = 1e-12 * abs(before.energy) + self._rounding
+            bound = before.energy + 1e-4 * step.length * slope + rounding
+            return self._admissible(after) and after.energy <= bound
+
+        norm = np.inf
+
+        def converged(step: Step[_State]) -> bool:
+            nonlocal norm
+            force = step.after.force
+            norm = float(np.linalg.norm(force[:-1]))
+            small = step.length == 1.0 and step.size <= 100 * accuracy * self.size
+            return small and shift[0] == 0.0 and norm <= accuracy * (1e-3 + abs(force[-1]))
+
+        try:
+            u, _, iterations = newton(
+                u,
+                self._state(d, u, contact),
+                evaluate=lambda u: self._state(d, u, contact),
+                direction=direction,
+                acceptable=acceptable,
+                converged=converged,
+                max_iterations=self.MAX_ITERATIONS,
+                smallest=1e-8,
+                longest=longest,
+                stuck="the energy has no lower state along a Newton step",
+            )
+        except NewtonError as error:
+            raise ConvergenceError(f"{error} (forces out of balance by {norm:.2g} N)") from None
+        return u, iterations
 
     def _finished(self, d: float, u: FloatArray, iterations: int) -> ContactPoint:
         """One more Newton step, to rounding, and the tangent of the path."""
@@ -292,6 +312,33 @@ class ContactMechanics:
             if np.array_equal(before, closing):
                 break
         return here.u + step
+
+    def advanced(
+        self, here: ContactPoint, target: float, tried: float
+    ) -> tuple[ContactPoint, float]:
+        """The equilibrium ``tried`` mm on towards a target, see `ngspring.analysis.path`.
+
+        The step is shortened where a wall would jump through another.
+        """
+        begin = self.full_field(here.d, here.u)
+        while True:
+            d = stepped(here.d, target, tried)
+            guess = self.predicted(here, d)
+            end = self.full_field(d, guess)
+            free_way = self.skeleton.largest_step(begin, end)
+            if free_way == 1.0 and not self.solid.inverted(end):
+                there = self.equilibrium(d, guess)
+                gap = there.contact.smallest_gap
+                log = "d = %.6g mm: q = %.8g N, %d iterations, gap %.3g mm"
+                logger.info(log, there.d, there.q, there.iterations, gap)
+                return there, tried
+            tried *= 0.5 if free_way == 1.0 else max(0.8 * free_way, 0.1)
+            if tried < 0.1 * self.steps.smallest * self.size:
+                raise ConvergenceError("every step would carry a wall through another")
+
+    def settled(self, here: ContactPoint, target: float, tried: float) -> ContactPoint:
+        """A solid is not followed beyond the end of its branch."""
+        raise ConvergenceError("the branch ends")
 
     def at_rest(self) -> ContactPoint:
         """The undeformed state."""

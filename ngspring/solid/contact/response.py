@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from ngspring.analysis.path import checked_displacements
+from ngspring.analysis.path import checked_displacements, follow
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
@@ -19,7 +19,7 @@ from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, section_force, side_force, spring_density
 from ngspring.solid.contact.mechanics import ContactMechanics, ContactPoint
-from ngspring.solid.contact.path import contact_onset, follow_contact
+from ngspring.solid.contact.onset import contact_onset
 from ngspring.solid.contact.supports import Supports, spring_supports
 from ngspring.solid.contact.surface import free_surface
 from ngspring.solid.contact.tunnelling import Skeleton
@@ -163,7 +163,7 @@ class _Watch:
 def contact_mechanics(
     body: Body, settings: ContactSettings, threads: int = 1
 ) -> tuple[ContactMechanics, Supports]:
-    """The spring of a body, ready for `ngspring.solid.contact.path.follow_contact`."""
+    """The spring of a body, ready for `ngspring.analysis.path.follow`."""
     problem = body.problem
     supports = spring_supports(body)
     solid = Solid(
@@ -231,7 +231,7 @@ def contact_load_displacement(
         messages, starts, iterations = [], [], rest.iterations + 1
         for side in (targets[targets > 0], targets[targets < 0][::-1]):
             watch = _Watch(rest)
-            reached, message = follow_contact(mechanics, side, rest, on_point=watch)
+            reached, message = follow(mechanics, side, rest, on_point=watch)
             points += reached
             iterations += watch.iterations
             if watch.onset is not None:
