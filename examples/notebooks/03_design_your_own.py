@@ -126,7 +126,7 @@ result = ngspring.optimize(problem, observers=[watch], threads=THREADS)
 # limit, and the last step is taken with $\Delta t=\infty$: the exact stationary point.
 
 # %%
-width = result.design.equivalent_width / problem.H
+width = result.design.relative_width
 print(f"converged: {result.converged}, {len(result.history) - 1} design updates,", end=" ")
 print(f"{result.history.newton_iterations} Newton iterations")
 for point, q in zip(targets, result.q, strict=True):
@@ -166,7 +166,7 @@ scene = Draw(rho(chi), mesh, "density", deformation=u, min=0, max=1)
 # %%
 fine = ngspring.gallery["C7"]
 recorded = fine.info["q"]
-fine_width = fine.equivalent_width / fine.problem.H
+fine_width = fine.relative_width
 print("C7 at 80 x 80: q =", ", ".join(f"{q:.4f} N" for q in recorded))
 print(f"W/H = {fine_width:.4f} at 80 x 80 against {width:.4f} at 16 x 16 (paper: 0.2539)")
 

@@ -67,7 +67,7 @@ runs = {
 }
 for name, run in runs.items():
     forces = ", ".join(f"{q:.4f}" for q in run.q)
-    width = run.design.equivalent_width / run.design.problem.H
+    width = run.design.relative_width
     print(f"{name}: converged {run.converged}, q = {forces} N, W/H = {width:.4f}")
 
 # %% [markdown]
@@ -209,7 +209,7 @@ if names:
         figure.subplots(1, len(names), squeeze=False)[0], stored.items(), strict=True
     ):
         draw_design(axes, design)
-        axes.set_title(f"{name}\nW/H = {design.equivalent_width / 100:.4f}", fontsize=9)
+        axes.set_title(f"{name}\nW/H = {design.relative_width:.4f}", fontsize=9)
 print("in the gallery:", ", ".join(names) or "none of them yet")
 figure
 

@@ -13,12 +13,19 @@ from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.problem.spring import SpringProblem
 
 
-class Point(Protocol):
-    """One equilibrium of a path."""
+class HasDisplacement(Protocol):
+    """Something at a displacement."""
 
     @property
     def d(self) -> float:
         """Displacement in mm."""
+
+
+Placed = TypeVar("Placed", bound=HasDisplacement)
+
+
+class Point(HasDisplacement, Protocol):
+    """One equilibrium of a path."""
 
     @property
     def iterations(self) -> int:
@@ -155,7 +162,7 @@ def stepped(here: float, target: float, tried: float) -> float:
 
 
 def checked_displacements(displacements: Iterable[float], problem: SpringProblem) -> FloatArray:
-    """Displacements in mm in increasing order, each once.
+    """Displacements in mm, in the order given.
 
     Raises
     ------
@@ -163,7 +170,7 @@ def checked_displacements(displacements: Iterable[float], problem: SpringProblem
         If there are none, or one is not a finite number smaller than H in size.
     """
     try:
-        values = np.array(sorted({float(d) for d in displacements}))
+        values = np.array([float(d) for d in displacements])
     except (TypeError, ValueError):
         raise ProblemError("displacements must be numbers in mm") from None
     if not len(values):
@@ -175,3 +182,15 @@ def checked_displacements(displacements: Iterable[float], problem: SpringProblem
                 f" {problem.H:g} mm"
             )
     return values
+
+
+def both_ways(targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The positive and the negative ones of some displacements, each once, away from zero."""
+    once = np.unique(targets)
+    return once[once > 0], once[once < 0][::-1]
+
+
+def in_order(targets: FloatArray, points: Iterable[Placed]) -> list[Placed]:
+    """Points of a path in the order of these displacements, without those not reached."""
+    found = {point.d: point for point in points}
+    return [found[d] for d in map(float, targets) if d in found]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
 
 from ngspring.analysis.mechanics import Equilibrium, Mechanics
-from ngspring.analysis.path import checked_displacements, follow
-from ngspring.basics.arrays import FloatArray
+from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
+from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.constraints import spline_extraction
@@ -20,6 +21,9 @@ from ngspring.fem.process import parallel
 from ngspring.problem.spring import SpringProblem
 
 logger = logging.getLogger(__name__)
+
+
+_PER_POINT = ("d", "q", "energy", "stiffness", "u", "nodes_u")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,8 @@ class Response:
     problem : SpringProblem
         With the domain that was analysed.
     d, q : arrays (points,)
-        Displacements in mm, in increasing order, and reaction forces in N.
+        Displacements in mm, in the order they were asked for, without those that were not reached,
+        and reaction forces in N.
     energy : array (points,)
         Strain energy in N mm; ``dE/dd = q``.
     stiffness : array (points,)
@@ -58,6 +63,15 @@ class Response:
     complete: bool
     message: str
     iterations: int
+
+    def selected(self, places: Sequence[int] | IntArray) -> Response:
+        """The same with these of its points only, in this order."""
+        k = np.asarray(places, dtype=int)
+        return dataclasses.replace(self, **{name: getattr(self, name)[k] for name in _PER_POINT})
+
+    def by_displacement(self) -> Response:
+        """The same in increasing order of d, each displacement once: a curve."""
+        return self.selected(np.unique(self.d, return_index=True)[1])
 
     @property
     def grid(self) -> Grid:
@@ -108,7 +122,7 @@ def load_displacement(
         A formula in ``ngsolve.x``, ``ngsolve.y`` (mm from the lower left corner of the full
         domain) is evaluated at the Gauss points and needs ``problem``.
     displacements : iterable of float
-        Displacements d in mm, in any order; 0 is allowed.
+        Displacements d in mm, in any order, which is that of the results; 0 is allowed.
     domain : {"quarter", "full"}, optional
         Overrides the problem's.
     problem : SpringProblem, optional
@@ -147,7 +161,7 @@ def load_displacement(
             chi = spline_extraction(scalar) @ coefficients.ravel()
         mechanics = Mechanics(scalar, chi, eta, solver, count)
         rest = mechanics.at_rest()
-        points: list[Equilibrium] = [rest] if 0.0 in targets else []
+        points: list[Equilibrium] = [rest]
         messages = []
         iterations = [0]
 
@@ -157,13 +171,13 @@ def load_displacement(
                 "d = %.6g mm: q = %.8g N, %d iterations", point.d, point.q, point.iterations
             )
 
-        for side in (targets[targets > 0], targets[targets < 0][::-1]):
+        for side in both_ways(targets):
             reached, message = follow(mechanics, side, rest, on_point=count_iterations)
             points += reached
             if message:
                 logger.warning(message)
                 messages.append(message)
-        points.sort(key=lambda point: point.d)
+        points = in_order(targets, points)
         fields = [mechanics.full_field(point.d, point.u) for point in points]
         energies = [mechanics.energy(point.d, point.u) for point in points]
     n = scalar.ndof

@@ -22,7 +22,7 @@ import numpy as np
 
 from ngspring.analysis.mechanics import Equilibrium, Mechanics
 from ngspring.analysis.modes import MOST_NEGATIVE, FullTangent, Mode, mirrored
-from ngspring.analysis.path import checked_displacements, follow
+from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
 from ngspring.analysis.response import nodal_values
 from ngspring.analysis.states import curve_displacements
 from ngspring.basics.arrays import FloatArray
@@ -132,7 +132,7 @@ class Stability:
     eta : float
         Offset of chi.
     points : tuple of StabilityPoint
-        One for each requested displacement that was reached, in increasing order of d.
+        One for each requested displacement that was reached, in the order they were asked for.
     critical : tuple of Critical
         First loss of stability in compression and in tension, if any. If its mode is one of grey
         or void, it is followed by the first one in the solid, if any.
@@ -297,7 +297,7 @@ def stability(
     problem = design.problem
     if displacements is None:
         controls = [point.d for point in problem.control_points]
-        displacements = [0.0, *controls, *curve_displacements(design, points=9)]
+        displacements = sorted({0.0, *controls, *curve_displacements(design, points=9)})
     targets = checked_displacements(displacements, problem)
     if not np.isfinite(eta):
         raise ProblemError(f"eta = {eta!r} must be a finite number")
@@ -306,10 +306,10 @@ def stability(
     with parallel(threads) as count:
         analysis = _Analysis(design, eta, modes, solver, count)
         rest = analysis.examine(analysis.rest)
-        points = [rest] if 0.0 in targets else []
+        points = [rest]
         critical: list[Critical] = []
         messages = []
-        for targets_of_side in (targets[targets < 0][::-1], targets[targets > 0]):
+        for targets_of_side in reversed(both_ways(targets)):
             states, message = follow(analysis.quarter, targets_of_side, analysis.rest)
             if message:
                 logger.warning(message)
@@ -323,11 +323,10 @@ def stability(
                 if first.mode.kind != "solid":
                     further = analysis.first_loss(side, "solid")
                     critical += [] if further is None else [further]
-    points.sort(key=lambda point: point.d)
     return Stability(
         problem=problem,
         eta=eta,
-        points=tuple(points),
+        points=tuple(in_order(targets, points)),
         critical=tuple(critical),
         rest=rest.lowest,
         complete=not messages,

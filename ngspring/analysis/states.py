@@ -7,7 +7,6 @@ stands for. An axisymmetric spring is shown as its cross-section, mirrored at th
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from typing import Protocol
@@ -21,7 +20,6 @@ from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 
-_PER_POINT = ("d", "q", "energy", "stiffness", "u", "nodes_u")
 Responses = Response | Mapping[float, Response]
 
 
@@ -53,7 +51,7 @@ def control_point_responses(
     for point in design.problem.control_points:
         wanted.setdefault(point.eta, set()).add(point.d)
     return {
-        eta: load_displacement(design, targets, domain, eta=eta, threads=threads)
+        eta: load_displacement(design, sorted(targets), domain, eta=eta, threads=threads)
         for eta, targets in wanted.items()
     }
 
@@ -100,9 +98,7 @@ def at_control_points(responses: Responses, problem: SpringProblem) -> dict[floa
     kept: dict[float, Response] = {}
     for eta, response in by_offset(responses).items():
         places = [index_of(response, p.d) for p in problem.control_points if p.eta == eta]
-        k = np.array([place for place in places if place is not None], dtype=int)
-        arrays = {name: getattr(response, name)[k] for name in _PER_POINT}
-        kept[eta] = dataclasses.replace(response, **arrays)
+        kept[eta] = response.selected([place for place in places if place is not None])
     return kept
 
 

@@ -96,7 +96,7 @@ class Outcome:
             message,
             start,
             tuple(map(float, design.info.get("q", ()))),
-            design.equivalent_width / design.problem.H,
+            design.relative_width,
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
             None if history is None else history.last().seconds,

@@ -49,7 +49,7 @@ def stability_command(name: str, points: int, out: Path | None, threads: int | N
 
     design, path = read_design(name)
     controls = [point.d for point in design.problem.control_points]
-    displacements = [0.0, *controls, *curve_displacements(design, points=points)]
+    displacements = sorted({0.0, *controls, *curve_displacements(design, points=points)})
     outcome = stability(design, displacements, threads=threads)
     make_console().print(stability_table(outcome))
     for line in stability_lines(outcome):

@@ -63,7 +63,7 @@ def points_table(problem: SpringProblem, forces: Sequence[float | None]) -> Tabl
 def design_lines(design: Design) -> list[str]:
     """What a design is, and how it came about."""
     problem = design.problem
-    ratio = design.equivalent_width / problem.H
+    ratio = design.relative_width
     lines = [
         f"{problem.name or 'spring without name'}: {problem.kinematics},"
         f" {problem.elements} x {problem.elements} elements ({problem.domain}),"
@@ -132,7 +132,7 @@ def add_check(
     force_tolerance : float
         Largest relative deviation of a force from its target.
     """
-    ratio = f"{design.equivalent_width / design.problem.H:.4f}"
+    ratio = f"{design.relative_width:.4f}"
     if isinstance(outcome, str):
         table.add_row(name, "-", "-", "-", ratio, f"fails: {outcome}")
         return False

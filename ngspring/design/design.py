@@ -156,6 +156,11 @@ class Design:
         """Width of the straight column (Eq. 20) or diameter of the cylinder (Eq. 25), in mm."""
         return self.problem.equivalent_width(self.volume)
 
+    @property
+    def relative_width(self) -> float:
+        """`equivalent_width` over the height: W/H or D/H, as everything that is printed."""
+        return self.equivalent_width / self.problem.H
+
     def with_problem(self, problem: SpringProblem) -> Design:
         """The same field as a start for another problem, mesh or size (no history)."""
         source = self.problem

@@ -29,7 +29,7 @@ class TaylorTest:
     Attributes
     ----------
     steps : array
-        The steps t, largest first.
+        The steps t, as given.
     first_remainders : array
         ``|f(x + t d) - f(x) - t f'(x) d|`` for each step.
     second_remainders : array or None
@@ -104,8 +104,8 @@ def taylor_test(
     """
     at, d = np.array(x, dtype=float), np.array(direction, dtype=float)
     _same_shape("direction", d, at)
-    t = np.unique(np.array(list(steps), dtype=float))[::-1]
-    if len(t) < 2 or not np.isfinite(t).all() or t[-1] <= 0.0:
+    t = np.array(list(steps), dtype=float)
+    if len(np.unique(t)) < 2 or not np.isfinite(t).all() or t.min() <= 0.0:
         raise NgspringError("steps must be at least two different positive numbers")
     start = float(functional(at.copy()))
     slope = _contract("gradient(x)", gradient(at.copy()), d)
@@ -135,7 +135,8 @@ def _contract(name: str, value: Any, direction: FloatArray) -> float:
 def _order(steps: FloatArray, remainders: FloatArray, size: float) -> float:
     if not (np.isfinite(remainders).all() and np.isfinite(size)):
         return float("nan")
-    remainder = np.abs(remainders)
+    falling = np.unique(steps, return_index=True)[1][::-1]
+    steps, remainder = steps[falling], np.abs(remainders)[falling]
     clear = np.flatnonzero(remainder > _ROUNDING * size)[-2:]
     if len(clear) < 2:
         return float("inf")

@@ -26,8 +26,6 @@ from ngspring.solid.contact.response import (
 )
 from ngspring.solid.mesh.body import Body
 from ngspring.solid.mesh.mesh_body import mesh_body
-from ngspring.solid.mesh.wallsize import survey
-from ngspring.solid.outline.outline import outline
 
 logger = logging.getLogger(__name__)
 
@@ -250,17 +248,14 @@ def verify(
     """
     if displacements is None:
         controls = [point.d for point in design.problem.control_points]
-        displacements = {0.0, *controls, *curve_displacements(design, points=points)}
+        displacements = sorted({0.0, *controls, *curve_displacements(design, points=points)})
     wanted = list(displacements)
     body = mesh_body(design, level=level, elements_across=elements_across)
     contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)
     third_medium = load_displacement(design, wanted, threads=threads)
-    return Verification(design, body, third_medium, contact, smallest_wall(design, level))
-
-
-def smallest_wall(design: Design, level: float = 0.0) -> float:
-    """Diameter in mm of the smallest disc in {chi > level} that touches opposite surfaces."""
-    return float(np.min(survey(outline(design, level=level)).thickness, initial=np.inf))
+    quality = body.quality
+    assert quality is not None  # the mesh was made here
+    return Verification(design, body, third_medium, contact, quality.thinnest_wall)
 
 
 def largest_deviation(

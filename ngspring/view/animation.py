@@ -85,7 +85,7 @@ def animate_evolution(snapshots: Snapshots, path: PathLike, fps: float | None = 
     ).designs()
     problem = snapshots.problem
     updates, designs = list(kept), list(kept.values())
-    widths = [design.equivalent_width / problem.H for design in designs]
+    widths = [design.relative_width for design in designs]
     figure, state, diagram = _two_axes(problem.L / problem.H)
     symbol = width_symbol(problem)
     diagram.plot(updates, widths, color="black", linewidth=1.2, marker=".", markersize=3)
@@ -132,6 +132,7 @@ def animate_deformation(
         If the file cannot be written.
     """
     check_film(path)
+    response = response.by_displacement()
     if len(response.d) < 2:
         raise NgspringError("an animation of the deformation needs at least two displacements")
     problem = design.problem

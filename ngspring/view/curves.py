@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -27,15 +29,19 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     return figure
 
 
+def draw_line(axes: Axes, curve: Curve, **style: Any) -> None:
+    """Draw q over d as a line, whatever the order of its points."""
+    order = np.argsort(curve.d)
+    axes.plot(np.asarray(curve.d)[order], np.asarray(curve.q)[order], **style)
+
+
 def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:
     """Draw q(d) and the target points; several curves come by their names."""
     curves = response if isinstance(response, Mapping) else {"response": response}
     axes.axhline(0, color="0.7", linewidth=0.8)
     axes.axvline(0, color="0.7", linewidth=0.8)
     for k, (name, curve) in enumerate(curves.items()):
-        axes.plot(
-            curve.d, curve.q, color="black", linewidth=1.3, linestyle=LINES[k % 4], label=name
-        )
+        draw_line(axes, curve, color="black", linewidth=1.3, linestyle=LINES[k % 4], label=name)
     plain, offset = control_points_by_kind(problem)
     for points, fill, name in ((plain, "0.6", "target"), (offset, "none", "target, offset chi")):
         if points:
@@ -83,7 +89,7 @@ def curves_figure(
             continue
         response = responses[name]
         grey = str(0.45 * (k % 2))
-        axes.plot(response.d, response.q, color=grey, linestyle=LINES[k % 4], linewidth=1.3)
+        draw_line(axes, response, color=grey, linestyle=LINES[k % 4], linewidth=1.3)
         points = control_points_by_kind(design.problem)[0]
         places = [point.d for point in points], [point.q for point in points]
         axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)

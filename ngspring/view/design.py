@@ -94,7 +94,7 @@ def draw_guides(axes: Axes, problem: SpringProblem, d: float) -> None:
 def ratio_text(design: Design) -> str:
     """Equivalent width (diameter) over height, for a title."""
     problem = design.problem
-    return f"{width_symbol(problem)} = {design.equivalent_width / problem.H:.4f}"
+    return f"{width_symbol(problem)} = {design.relative_width:.4f}"
 
 
 def density_figure(design: Design) -> Figure:

@@ -109,7 +109,7 @@ def _footer() -> str:
 
 def _summary(state: RunState, history: History | None) -> str:
     design = state.design
-    cards = [(width_symbol(design.problem), f"{design.equivalent_width / design.problem.H:.4f}")]
+    cards = [(width_symbol(design.problem), f"{design.relative_width:.4f}")]
     cards.append(("volume V", f"{design.volume:.1f} mm³"))
     note = ""
     if history is not None:
@@ -333,7 +333,7 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     if isinstance(state, str):
         return state, *[_NO_NUMBER] * 6
     design, history, forces = state.design, state.design.history, forces_of(state.design)
-    width = f"{design.equivalent_width / design.problem.H:.4f}"
+    width = f"{design.relative_width:.4f}"
     far = worst_deviation(design.problem.control_points, forces or ())
     worst = _NO_NUMBER if far is None else f"{100 * far:.3f} %"
     status = f"{state.status}: {state.reason}" if state.reason else state.status

@@ -16,7 +16,7 @@ from ngspring.solid.contact.contact import lobatto
 from ngspring.solid.contact.response import ContactResponse
 from ngspring.solid.mesh.body import Body
 from ngspring.solid.verification import Verification
-from ngspring.view.curves import draw_curve
+from ngspring.view.curves import draw_curve, draw_line
 from ngspring.view.figure import new_figure
 from ngspring.view.text import deviation_text
 
@@ -120,9 +120,9 @@ def verification_figure(verification: Verification) -> Figure:
     return figure
 
 
-def draw_contact_curve(axes: Axes, contact: ContactResponse, label: str) -> None:
+def draw_contact_curve(axes: Axes, contact: ContactResponse, label: str | None) -> None:
     """Draw the curve of the solid with real contact."""
-    axes.plot(contact.d, contact.q, color="tab:red", linestyle="--", linewidth=1.5, label=label)
+    draw_line(axes, contact, color="tab:red", linestyle="--", linewidth=1.5, label=label)
 
 
 def contact_states_figure(verification: Verification) -> Figure:
@@ -196,15 +196,8 @@ def verifications_figure(groups: Mapping[str, Mapping[str, Verification]]) -> Fi
         for k, (name, verification) in enumerate(group.items()):
             third = verification.third_medium
             labels = ("third medium", "real contact") if k == 0 else (None, None)
-            axes.plot(third.d, third.q, color="black", linewidth=1.3, label=labels[0])
-            axes.plot(
-                verification.contact.d,
-                verification.contact.q,
-                color="tab:red",
-                linestyle="--",
-                linewidth=1.5,
-                label=labels[1],
-            )
+            draw_line(axes, third, color="black", linewidth=1.3, label=labels[0])
+            draw_contact_curve(axes, verification.contact, labels[1])
             points = [verdict.point for verdict in verification.points]
             axes.plot(
                 [p.d for p in points], [p.q for p in points], "o",

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ngspring.solid.tolerance import Tolerance
+from ngspring.view.curves import draw_line
 from ngspring.view.figure import new_figure
 
 _SMALL = 8
@@ -30,9 +31,9 @@ def tolerance_figure(outcome: Tolerance) -> Figure:
             continue
         nominal = curve.offset == 0.0
         style = "-" if nominal else "--" if curve.offset < 0 else "-."
-        axes.plot(
-            curve.contact.d,
-            curve.contact.q,
+        draw_line(
+            axes,
+            curve.contact,
             color="black" if nominal else "0.35",
             linewidth=1.5 if nominal else 0.7,
             linestyle=style,

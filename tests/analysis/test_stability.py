@@ -73,7 +73,7 @@ def euler(design: Design) -> Euler:
 @pytest.fixture(scope="module")
 def slender() -> tuple[Design, Stability]:
     design = column()
-    return design, stability(design, [2.5, 0.0, -1.0, -2.0, -3.0], threads=1)
+    return design, stability(design, [-3.0, -2.0, -1.0, 0.0, 2.5], threads=1)
 
 
 def test_a_slender_column_buckles_at_eulers_load(slender: tuple[Design, Stability]) -> None:
@@ -208,7 +208,7 @@ def test_a_failing_third_medium_is_not_the_springs_buckling() -> None:
         return np.where(away < 1.5, -1.0, np.where(away > 2.9, 10.0, -10.0)) + 0 * y
 
     design = Design.from_function(problem, chi)
-    outcome = stability(design, [-1.0, -4.0], threads=1)
+    outcome = stability(design, [-4.0, -1.0], threads=1)
     assert outcome.d.tolist() == [-4.0, -1.0]
     assert outcome.rest == pytest.approx(1, rel=1e-3)
     assert outcome.points[0].verdict == "unstable"

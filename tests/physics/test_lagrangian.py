@@ -234,7 +234,7 @@ def test_without_a_hessian_only_the_first_order_is_known() -> None:
     assert test.second_remainders is None
     assert np.isnan(test.second_order)
     assert test.first_order == pytest.approx(2, abs=0.2)
-    np.testing.assert_array_equal(test.steps, [0.2, 0.1])
+    np.testing.assert_array_equal(test.steps, [0.1, 0.2, 0.1])
     assert "second" not in str(test)
 
 

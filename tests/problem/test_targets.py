@@ -291,9 +291,9 @@ def test_as_many_points_as_asked_for(count: int) -> None:
 def test_points_at_given_displacements() -> None:
     curve = TargetCurve(*np.array(PAIRS).T)
     points = curve.control_points(at=[10, -15.0], weight=0.5)
-    assert [p.d for p in points] == [-15.0, 10.0]
-    assert -4.5 < points[0].q < -2.0
-    assert (points[1].q, points[1].weight) == (2.25, 0.5)
+    assert [p.d for p in points] == [10.0, -15.0]
+    assert -4.5 < points[1].q < -2.0
+    assert (points[0].q, points[0].weight) == (2.25, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -365,8 +365,8 @@ def test_targets_in_stress_and_strain_use_the_size_in_the_file(folder: Path) -> 
     problem = problem_of(
         folder, 'targets = {file = "curve.csv", at = [2, -4]}\nH = 20\nT = 3\nL = 10'
     )
-    assert [p.d for p in problem.control_points] == [-4.0, 2.0]
-    assert [p.q for p in problem.control_points] == pytest.approx([-1.5, 0.6])
+    assert [p.d for p in problem.control_points] == [2.0, -4.0]
+    assert [p.q for p in problem.control_points] == pytest.approx([0.6, -1.5])
 
 
 def test_a_problem_can_say_that_its_targets_count_compression_as_positive(folder: Path) -> None:

@@ -80,7 +80,7 @@ class TargetCurve:
     def control_points(
         self, points: int | None = None, at: Iterable[float] | None = None, weight: float = 1.0
     ) -> tuple[ControlPoint, ...]:
-        """A few control points that represent the curve, in order of d.
+        """A few control points that represent the curve, in order of d or of ``at``.
 
         Parameters
         ----------
@@ -100,10 +100,12 @@ class TargetCurve:
         """
         if points is not None and at is not None:
             raise ProblemError("give either the number of control points or their displacements")
-        chosen = self._chosen(points) if at is None else [finite_number("at", d) for d in at]
+        chosen = (
+            sorted(self._chosen(points)) if at is None else [finite_number("at", d) for d in at]
+        )
         return tuple(
             ControlPoint(d, float(q), weight=weight)
-            for d, q in zip(sorted(chosen), self._rounded(sorted(chosen)), strict=True)
+            for d, q in zip(chosen, self._rounded(chosen), strict=True)
         )
 
     def _rounded(self, d: list[float]) -> FloatArray:

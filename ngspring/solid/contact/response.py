@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from ngspring.analysis.path import checked_displacements, follow
+from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
@@ -81,7 +81,8 @@ class ContactResponse:
     body : Body
     settings : ContactSettings
     d, q : arrays (points,)
-        Displacements in mm, in increasing order, and forces in N: the total derivative dE/dd.
+        Displacements in mm, in the order they were asked for, without those that were not reached,
+        and forces in N: the total derivative dE/dd.
     q_bottom : array (points,)
         Force on the bottom side, from the reactions there.
     q_stress : array (points,)
@@ -207,7 +208,7 @@ def contact_load_displacement(
     ----------
     body : Body
     displacements : iterable of float
-        Displacements d in mm, in any order; 0 is allowed.
+        Displacements d in mm, in any order, which is that of the results; 0 is allowed.
     settings : ContactSettings, optional
     threads : int, optional
         All available ones by default.
@@ -227,9 +228,9 @@ def contact_load_displacement(
     with parallel(threads) as count:
         mechanics, supports = contact_mechanics(body, settings, count)
         rest = mechanics.at_rest()
-        points = [rest] if 0.0 in targets else []
+        points = [rest]
         messages, starts, iterations = [], [], rest.iterations + 1
-        for side in (targets[targets > 0], targets[targets < 0][::-1]):
+        for side in both_ways(targets):
             watch = _Watch(rest)
             reached, message = follow(mechanics, side, rest, on_point=watch)
             points += reached
@@ -239,7 +240,7 @@ def contact_load_displacement(
             if message:
                 logger.warning(message)
                 messages.append(message)
-        points.sort(key=lambda point: point.d)
+        points = in_order(targets, points)
         return _response(body, settings, mechanics, supports, points, starts, messages, iterations)
 
 
