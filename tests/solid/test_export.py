@@ -10,6 +10,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+import trimesh
 from netgen import occ
 
 from ngspring.basics.arrays import FloatArray, IntArray
@@ -19,7 +20,7 @@ from ngspring.design.gallery import gallery
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.export.export import FORMATS, export_body
-from ngspring.solid.export.solids import watertight_volume
+from ngspring.solid.export.solids import watertight_volume as volume_of
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.solid.outline.levelset import ChiFunction
 
@@ -190,6 +191,10 @@ def test_solids_of_revolution(tmp_path: Path, chi: ChiFunction, volume: float) -
     points, triangles = welded(stl.path)
     assert watertight_volume(points, triangles) == pytest.approx(volume, rel=1e-3)
     assert np.allclose((points.min(axis=0) + points.max(axis=0)) / 2, [50, 50, 0], atol=0.05)
+
+
+def watertight_volume(points: FloatArray, triangles: IntArray) -> float:
+    return volume_of(trimesh.Trimesh(points, triangles, process=False))
 
 
 def welded(path: Path) -> tuple[FloatArray, IntArray]:

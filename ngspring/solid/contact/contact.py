@@ -29,6 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.special import eval_legendre, roots_jacobi
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.solid.contact.pairs import Pairs, PairSearch
@@ -95,9 +96,10 @@ class ContactState:
 
 def lobatto(count: int) -> tuple[FloatArray, FloatArray]:
     """Gauss-Lobatto points, ends included, and weights on [0, 1]."""
-    legendre = np.polynomial.legendre.Legendre.basis(count - 1)
-    nodes = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
-    weights = 2 / (count * (count - 1) * legendre(nodes) ** 2)
+    # The inner points are those of the Jacobi polynomial with weight 1 - x^2.
+    inner = roots_jacobi(count - 2, 1.0, 1.0)[0] if count > 2 else np.zeros(0)
+    nodes = np.concatenate([[-1.0], inner, [1.0]])
+    weights = 2 / (count * (count - 1) * eval_legendre(count - 1, nodes) ** 2)
     return (nodes + 1) / 2, weights / 2
 
 

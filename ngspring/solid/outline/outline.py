@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
@@ -65,8 +66,9 @@ class Loop:
     @property
     def area(self) -> float:
         """Signed area of the polygon in mm^2; negative for the edge of a void."""
-        x, y = self.polygon.T
-        return float(0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+        ring = shapely.LinearRing(self.polygon)
+        area = float(shapely.Polygon(ring).area)
+        return area if ring.is_ccw else -area
 
     @property
     def sides(self) -> frozenset[str]:
@@ -262,12 +264,12 @@ def _parts(
         if loop.area <= 0:
             small = _full_area(loop, -area_inside(ls, loop), ls) < smallest_void
             (filled if small else inner).append(loop)
+    polygons = [shapely.Polygon(loop.polygon) for loop in outer]
     voids: dict[int, list[Loop]] = {k: [] for k in range(len(outer))}
     for loop in inner:
-        point = loop.polygon[0]
-        around = [k for k in range(len(outer)) if _inside(point, outer[k].polygon)]
-        if around:
-            voids[min(around, key=lambda k: outer[k].area)].append(loop)
+        around = np.flatnonzero(shapely.contains_xy(polygons, *loop.polygon[0]))
+        if around.size:
+            voids[min(around.tolist(), key=lambda k: outer[k].area)].append(loop)
     return [Part(loop, tuple(voids[k])) for k, loop in enumerate(outer)], filled
 
 
@@ -362,13 +364,3 @@ def _along_sides(a: FloatArray, b: FloatArray, distance: float, ls: LevelSet) ->
         Piece(np.array([stops[k], stops[k + 1]]), sides[(first + k) % 4])
         for k in range(len(stops) - 1)
     ]
-
-
-def _inside(point: FloatArray, polygon: FloatArray) -> bool:
-    """Whether a point lies in a polygon (even number of crossings to its right: outside)."""
-    (x, y), (x_1, y_1) = point, polygon.T
-    x_2, y_2 = np.roll(x_1, -1), np.roll(y_1, -1)
-    crosses = (y_1 > y) != (y_2 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        where = x_1 + (y - y_1) * (x_2 - x_1) / (y_2 - y_1)
-    return bool((crosses & (x < where)).sum() % 2)
