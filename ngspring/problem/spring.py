@@ -252,8 +252,11 @@ class SpringProblem:
     def to_toml(self) -> str:
         """Return the problem as TOML text, from which `from_toml` makes an equal problem."""
         values = dataclasses.asdict(self)
-        law = None if self.material is None else {"law": self.law.name, **self.law.parameters}
-        return write_fields({**values, "material": law})
+        if self.material is not None:
+            # Its initial moduli follow from it.
+            values |= {"K": None, "G": None}
+            values["material"] = {"law": self.law.name, **self.law.parameters}
+        return write_fields(values)
 
     @classmethod
     def from_toml(cls, text_or_path: str | os.PathLike[str]) -> SpringProblem:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ngspring import SpringProblem, scaled
+from ngspring import Design, SpringProblem, load_displacement, scaled
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.annotated import annotated_toml
+from ngspring.problem.kinematics.base import Value
 from ngspring.problem.laws import LAWS, NeoHooke, law_from
-from ngspring.problem.laws.base import Stretches, principal_stresses
+from ngspring.problem.laws.base import Deformation, Law, Stretches, principal_stresses
+from ngspring.problem.targets.full_block import block_force
 
 STRETCHES = st.floats(0.2, 5.0)
 LAW = NeoHooke(K=5 / 3, G=5 / 14)
+POINT = "[[control_points]]\nd = 10\nq = 2\n"
 
 
 @given(a=STRETCHES, b=STRETCHES, c=STRETCHES)
@@ -44,9 +51,50 @@ def test_stresses_of_many_stretches_come_in_their_order() -> None:
     np.testing.assert_allclose(together, alone, rtol=0, atol=1e-14)
 
 
-# -- in a problem and its file ---------------------------------------------------------------------
+@dataclass(frozen=True)
+class Cubic(Law):
+    """A law that the package does not know, without derivatives by hand."""
 
-POINT = "[[control_points]]\nd = 10\nq = 2\n"
+    A: float
+    K: float
+
+    name: ClassVar[str] = "cubic"
+    stresses: ClassVar[tuple[str, ...]] = ("A", "K")
+
+    @property
+    def initial_moduli(self) -> tuple[float, float]:
+        return self.K, 2 * self.A
+
+    def energy(self, F: Deformation) -> Value:
+        excess = F.exp(-2 / 3 * F.log_J) * F.I_1 - 3
+        return self.K / 2 * F.log_J * F.log_J + self.A * (excess + excess * excess * excess)
+
+
+def test_another_law_needs_nothing_but_its_place_in_the_table(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ngspring.problem.laws.LAWS", {"cubic": Cubic})
+    text = f'elements = 8\nl_i = 10.0\n[material]\nlaw = "cubic"\nA = 0.2\nK = 1.6\n{POINT}'
+    problem = SpringProblem.from_toml(text)
+    assert problem.law == Cubic(0.2, 1.6)
+    assert (problem.K, problem.G) == (1.6, 0.4)
+    assert SpringProblem.from_toml(problem.to_toml()) == problem
+    assert SpringProblem.from_toml(annotated_toml(problem, "a test")).law == problem.law
+    assert scaled(problem, length=3.0, stress=2.0).law == Cubic(0.4, 3.2)
+    with pytest.raises(ProblemError, match="K belongs to the cubic law"):
+        problem.replace(K=2.0)
+    # At small strains all laws of the same moduli are one.
+    small = [0.01, -0.01]
+    force = load_displacement(Design.column(problem), small, threads=1).q
+    plain = problem.replace(material=NeoHooke(1.6, 0.4))
+    expected = load_displacement(Design.column(plain), small, threads=1).q
+    np.testing.assert_allclose(force, expected, rtol=1e-5)
+    assert block_force(problem, 0.01) == pytest.approx(block_force(plain, 0.01), rel=1e-5)
+    # At large ones the cubic term shows.
+    assert block_force(problem, 60.0) > 1.1 * block_force(plain, 60.0)
+
+
+# -- in a problem and its file ---------------------------------------------------------------------
 
 
 def test_a_table_names_the_law_of_a_problem() -> None:
