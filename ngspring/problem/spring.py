@@ -16,7 +16,7 @@ from typing import Any
 
 from ngspring.basics.checks import choice, finite_number, nearest, positive_number, refused
 from ngspring.basics.errors import ProblemError
-from ngspring.problem.dimension import quantity
+from ngspring.problem.dimension import quantity, weights
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.kinematics.base import Kinematics, Value
 from ngspring.problem.laws.base import Law
@@ -26,7 +26,6 @@ from ngspring.problem.sector import DOMAINS, Sector, sector_of
 from ngspring.problem.toml import parse_fields, read, write_fields
 
 _POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
-_NON_NEGATIVE = ("k_r", "p", "k_rho", "k_i", "k_H")
 
 
 @dataclass(frozen=True)
@@ -142,11 +141,12 @@ class SpringProblem:
         object.__setattr__(self, "elements", int(N))
 
     def _check_numbers(self) -> None:
-        for field in (*_NON_NEGATIVE, "E_0", "n"):
+        not_negative = ("k_r", "p", *weights(self))
+        for field in (*not_negative, "E_0", "n"):
             object.__setattr__(self, field, finite_number(field, getattr(self, field)))
         for field in _POSITIVE:
             object.__setattr__(self, field, positive_number(field, getattr(self, field)))
-        for field in _NON_NEGATIVE:
+        for field in not_negative:
             if getattr(self, field) < 0.0:
                 raise refused(field, getattr(self, field), "zero or positive")
         if not 0.0 < self.E_0 < 1.0:
