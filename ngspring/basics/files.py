@@ -22,6 +22,9 @@ logger = logging.getLogger(__name__)
 
 PathLike = str | os.PathLike[str]
 
+#: How the temporary files of `replacing` begin; the number of their process follows.
+_OURS = ".ngspring-"
+
 
 @contextlib.contextmanager
 def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
@@ -43,7 +46,7 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
         raise RunFolderError(f"cannot write {path}: it exists and is not a regular file")
     try:
         handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
+            prefix=f"{_OURS}{os.getpid()}-", suffix=path.suffix, dir=path.parent
         )
         os.close(handle)
     except OSError as error:
@@ -62,6 +65,28 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes that were killed while they wrote have left in a folder.
+
+    Only files that `replacing` has made, of processes that are gone.
+    """
+    for leftover in folder.glob(f"{_OURS}*"):
+        process = leftover.name.removeprefix(_OURS).partition("-")[0]
+        if leftover.is_file() and process.isdecimal() and not _is_alive(int(process)):
+            with contextlib.suppress(OSError):
+                leftover.unlink()
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # it belongs to somebody else
+        return True
+    return True
 
 
 def write_text(path: PathLike, text: str) -> None:

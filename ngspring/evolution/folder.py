@@ -19,6 +19,7 @@ except ImportError:  # not a Unix system
     fcntl = None  # type: ignore[assignment]
 
 from ngspring.basics.errors import RunFolderError
+from ngspring.basics.files import remove_leftovers
 from ngspring.problem.spring import SpringProblem
 
 CHECKPOINT = "checkpoint.npz"
@@ -70,9 +71,7 @@ def locked(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):
             # Says since when the folder is held, see `in_use_since`.
             os.utime(folder / LOCK)
-        # Left behind by a process that was killed while it wrote.
-        for leftover in folder.glob(".*-*.npz"):
-            leftover.unlink(missing_ok=True)
+        remove_leftovers(folder)
         yield
     finally:
         lock.release()

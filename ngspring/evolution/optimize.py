@@ -18,6 +18,7 @@ from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, lock
 from ngspring.evolution.recorder import CheckpointRecorder, SnapshotRecorder, write_result
 from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
+from ngspring.fem.process import checked_threads
 from ngspring.kkt.newton import NewtonSettings
 from ngspring.kkt.start import Start
 from ngspring.problem.spring import SpringProblem
@@ -83,9 +84,11 @@ def optimize(
     """
     if dt_initial is not None and not (_is_number(dt_initial) and 0 < dt_initial < np.inf):
         raise ProblemError(f"dt_initial = {shown(dt_initial)} must be a positive number")
-    for name, value in (("max_updates", max_updates), ("threads", threads)):
-        if value is not None and not (isinstance(value, int) and _is_number(value) and value > 0):
-            raise ProblemError(f"{name} = {shown(value)} must be an integer of at least 1")
+    if max_updates is not None and not (
+        isinstance(max_updates, int) and _is_number(max_updates) and max_updates > 0
+    ):
+        raise ProblemError(f"max_updates = {shown(max_updates)} must be an integer of at least 1")
+    checked_threads(threads)
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
     make = functools.partial(

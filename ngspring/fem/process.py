@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import numbers
 import os
 import sys
 from collections.abc import Iterator
@@ -12,10 +13,37 @@ from typing import Any
 
 import ngsolve as ng
 
+from ngspring.basics.checks import shown
+from ngspring.basics.errors import ProblemError
+
 
 def available() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+#: More threads than this, or than there are processors, are a mistake: each takes memory.
+MOST_THREADS = 64
+
+
+def checked_threads(threads: int | None) -> int:
+    """The number of threads to use: all available ones by default.
+
+    Raises
+    ------
+    ProblemError
+        If it is not an integer from 1 to `MOST_THREADS` (or the number of processors).
+    """
+    if threads is None:
+        return available()
+    most = max(MOST_THREADS, available())
+    whole = isinstance(threads, numbers.Integral) and not isinstance(threads, bool)
+    if not whole or not 1 <= threads <= most:
+        raise ProblemError(
+            f"threads = {shown(threads)} is not valid: it must be an integer from 1 to {most}"
+            f" (there are {available()} processors)"
+        )
+    return int(threads)
 
 
 @contextmanager
@@ -23,8 +51,13 @@ def parallel(threads: int | None = None) -> Iterator[int]:
     """Let NGSolve use this many threads (all available ones by default); yields the number.
 
     The threads run only inside `tasks`.
+
+    Raises
+    ------
+    ProblemError
+        See `checked_threads`: NGSolve would crash with none, and take all memory for thousands.
     """
-    count = available() if threads is None else threads
+    count = checked_threads(threads)
     ng.SetNumThreads(count)
     yield count
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import subprocess
+import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
@@ -17,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ngspring import ControlPoint, Design, DesignFileError, History, RunFolderError, SpringProblem
-from ngspring.basics.files import write_arrays, write_text
+from ngspring.basics.files import remove_leftovers, write_arrays, write_text
 
 PROBLEM = SpringProblem((ControlPoint(10, 2), ControlPoint(-20, -4)), elements=8, name="test")
 DESIGN = Design(
@@ -390,3 +392,22 @@ def test_what_would_need_pickle_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="pickle"):
         write_arrays(tmp_path / "x.npz", {"format": "x", "thing": [object()]})
     assert not list(tmp_path.iterdir())
+
+
+def test_only_what_killed_processes_left_behind_is_removed(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    left = [f".ngspring-{gone.pid}-abc.npz", f".ngspring-{gone.pid}-x.html"]
+    kept = [".my-best-design.npz", f".ngspring-{os.getpid()}-abc.npz", ".ngspring-notes"]
+    for name in (*left, *kept):
+        (tmp_path / name).touch()
+    (tmp_path / f".ngspring-{gone.pid}-folder").mkdir()
+    remove_leftovers(tmp_path)
+    found = {path.name for path in tmp_path.iterdir()}
+    assert found == {*kept, f".ngspring-{gone.pid}-folder"}
+
+
+def test_a_file_of_the_longest_name_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / ("x" * 251 + ".txt")
+    write_text(path, "here")
+    assert path.read_text() == "here"
