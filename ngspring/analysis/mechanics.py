@@ -7,7 +7,6 @@ for the discrete energy E.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -28,8 +27,6 @@ from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.scaling import force_unit
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,16 @@ class Mechanics:
     MAX_ITERATIONS = 25
     #: How the step of a load path changes.
     steps = Steps(
-        first=0.02, smallest=1e-4, largest=0.05, easy=4, hard=10, growth=2.0, remembered=True
+        first=0.02,
+        smallest=1e-4,
+        largest=0.025,
+        resolved=1e-3,
+        smooth=0.1,
+        lands=False,
+        easy=4,
+        hard=10,
+        growth=2.0,
+        remembered=True,
     )
 
     def __init__(
@@ -413,9 +419,7 @@ class Mechanics:
         """Where the spring jumps if the branch ends here, see `settle`."""
         d = stepped(here.d, target, tried)
         u, _ = self.settle(d, here.u, 1e-7 * (1e-3 * self.force_unit + abs(here.q)))
-        there = self.equilibrium(d, u)
-        logger.info("snap-through at d = %.6g mm: q from %.6g to %.6g N", d, here.q, there.q)
-        return there
+        return self.equilibrium(d, u)
 
     def refined(self, point: Equilibrium) -> Equilibrium:
         """The same equilibrium and its tangent to rounding.

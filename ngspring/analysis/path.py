@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -11,6 +12,11 @@ import numpy as np
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.problem.spring import SpringProblem
+
+logger = logging.getLogger(__name__)
+
+#: A step with a larger `departure` than this is a jump to another branch.
+JUMP = 1.0
 
 
 class HasDisplacement(Protocol):
@@ -28,6 +34,22 @@ class Point(HasDisplacement, Protocol):
     """One equilibrium of a path."""
 
     @property
+    def q(self) -> float:
+        """Reaction force in N."""
+
+    @property
+    def u(self) -> FloatArray:
+        """Free unknowns in mm."""
+
+    @property
+    def tangent(self) -> FloatArray:
+        """du/dd."""
+
+    @property
+    def stiffness(self) -> float:
+        """dq/dd in N/mm."""
+
+    @property
     def iterations(self) -> int:
         """Newton iterations that it took."""
 
@@ -43,6 +65,12 @@ class Steps:
     ----------
     first, smallest, largest : float
         In units of the size.
+    resolved : float
+        So fine the path is followed where it is not smooth, in units of the size.
+    smooth : float
+        Up to this `departure` a step is taken for one along the path.
+    lands : bool
+        Whether an equilibrium after a jump is where the body lands, because it was found downhill.
     easy, hard : int
         After a step of at most so many iterations the next one is longer, after one of at least
         so many half as long.
@@ -56,6 +84,9 @@ class Steps:
     first: float
     smallest: float
     largest: float
+    resolved: float
+    smooth: float
+    lands: bool
     easy: int
     hard: int
     growth: float
@@ -68,6 +99,47 @@ class Steps:
             return self.growth * whole
         kept = whole if self.remembered else tried
         return kept / 2 if iterations >= self.hard else kept
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Where a branch of equilibria ends, and the body snaps to another one.
+
+    Attributes
+    ----------
+    d : float
+        Displacement in mm.
+    q_before, q_after : float
+        Force in N.
+    """
+
+    d: float
+    q_before: float
+    q_after: float
+
+    def __str__(self) -> str:
+        return (
+            f"snap-through at d = {self.d:.6g} mm: q from {self.q_before:.6g} to"
+            f" {self.q_after:.6g} N"
+        )
+
+
+def departure(here: Point, there: Point) -> float:
+    """How far two neighbouring equilibria are from lying on one smooth path.
+
+    Along it q and u change by the mean of their slopes times the step; what they change besides is
+    compared with the step times the sum of the slopes' sizes. Of the order of the squared step on
+    a smooth path, below 1/2 where contact makes a kink between the two, and beyond every bound for
+    a jump to another branch, which is finite however small the step.
+    """
+    step = there.d - here.d
+    off = abs(there.q - here.q - step * (here.stiffness + there.stiffness) / 2)
+    moved = np.abs(there.u - here.u - step * (here.tangent + there.tangent) / 2).max(initial=0.0)
+    of_q = abs(here.stiffness) + abs(there.stiffness)
+    of_u = sum(float(np.abs(point.tangent).max(initial=0.0)) for point in (here, there))
+    # Rounding of a force that hardly changes is no departure.
+    rounding = 1e-9 * (abs(here.q) + abs(there.q))
+    return float(max(off / (abs(step) * of_q + rounding), moved / max(abs(step) * of_u, 1e-300)))
 
 
 class Followed(Protocol[P]):
@@ -98,12 +170,14 @@ def follow(
     start: P | None = None,
     first_step: float | None = None,
     on_point: Callable[[P], None] | None = None,
+    on_jump: Callable[[Jump], None] | None = None,
 ) -> tuple[list[P], str]:
     """Follow the load path through displacements that move away from the start one way.
 
-    The step adapts: it grows after easy steps and is halved after a failed one. Where it becomes
-    tiny the branch has ended (something snaps through), and the path goes on from where the body
-    settles. It ends early where that fails too.
+    The step adapts: it grows after easy steps and is halved after a failed one, or one that may
+    have led to another branch (`departure`), so that what is found does not depend on the targets.
+    Where it becomes tiny the branch has ended (something snaps through), and the path goes on from
+    where the body settles. It ends early where that fails too.
 
     Parameters
     ----------
@@ -118,6 +192,8 @@ def follow(
         First step in mm.
     on_point : callable, optional
         Called with each accepted equilibrium, in-between ones included.
+    on_jump : callable, optional
+        Called where the body snaps to another branch.
 
     Returns
     -------
@@ -130,11 +206,24 @@ def follow(
     here = body.at_rest() if start is None else start
     step = steps.first * size if first_step is None else first_step
     points: list[P] = []
+
+    def told(before: P, after: P) -> None:
+        jump = Jump(after.d, before.q, after.q)
+        logger.info("%s", jump)
+        if on_jump is not None:
+            on_jump(jump)
+
     for target in map(float, targets):
         while here.d != target:
             tried = min(step, abs(target - here.d))
             try:
                 there, tried = body.advanced(here, target, tried)
+                apart = departure(here, there)
+                resolved = tried <= steps.resolved * size
+                if apart > steps.smooth and not (resolved and (apart <= JUMP or steps.lands)):
+                    raise ConvergenceError("the branch of equilibria ends")
+                if apart > JUMP:
+                    told(here, there)
                 following = steps.after(step, tried, there.d == target, there.iterations)
             except ConvergenceError as error:
                 step = following = tried / 2
@@ -146,6 +235,7 @@ def follow(
                     return points, (
                         f"the path ends at d = {here.d:.6g} mm, before {target:.6g} mm: {error}"
                     )
+                told(here, there)
                 following = steps.after(10 * steps.smallest * size, tried, True, there.iterations)
             here = there
             if on_point is not None:

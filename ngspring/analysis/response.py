@@ -11,7 +11,7 @@ import ngsolve as ng
 import numpy as np
 
 from ngspring.analysis.mechanics import Equilibrium, Mechanics
-from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
+from ngspring.analysis.path import Jump, both_ways, checked_displacements, follow, in_order
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
@@ -49,6 +49,8 @@ class Response:
         Whether every displacement that was asked for was reached.
     message : str
         Where and why the path ended, if it did.
+    jumps : tuple of Jump
+        Where a branch ended on the way and the spring snapped to another one.
     iterations : int
         Newton iterations in all.
     """
@@ -63,6 +65,7 @@ class Response:
     complete: bool
     message: str
     iterations: int
+    jumps: tuple[Jump, ...] = ()
 
     def selected(self, places: Sequence[int] | IntArray) -> Response:
         """The same with these of its points only, in this order."""
@@ -162,7 +165,8 @@ def load_displacement(
         mechanics = Mechanics(scalar, chi, eta, solver, count)
         rest = mechanics.at_rest()
         points: list[Equilibrium] = [rest]
-        messages = []
+        messages: list[str] = []
+        jumps: list[Jump] = []
         iterations = [0]
 
         def count_iterations(point: Equilibrium) -> None:
@@ -172,7 +176,9 @@ def load_displacement(
             )
 
         for side in both_ways(targets):
-            reached, message = follow(mechanics, side, rest, on_point=count_iterations)
+            reached, message = follow(
+                mechanics, side, rest, on_point=count_iterations, on_jump=jumps.append
+            )
             points += reached
             if message:
                 logger.warning(message)
@@ -193,6 +199,7 @@ def load_displacement(
         nodes_u=np.array(nodes).reshape(-1, 2, 2 * nx + 1, 2 * ny + 1),
         complete=not messages,
         message="; ".join(messages),
+        jumps=tuple(jumps),
         iterations=iterations[0],
     )
 

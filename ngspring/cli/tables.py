@@ -97,7 +97,7 @@ def response_lines(response: Response) -> list[str]:
     for d, q in zip(response.d, response.q, strict=True):
         # Adding 0 takes the sign of -0 away.
         lines.append(f"{d + 0.0:12.6g} {q if abs(q) > smallest else 0.0:16.9g}")
-    return lines
+    return [*lines, *map(str, response.jumps)]
 
 
 def check_table() -> Table:

@@ -30,9 +30,17 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
 
 
 def draw_line(axes: Axes, curve: Curve, **style: Any) -> None:
-    """Draw q over d as a line, whatever the order of its points."""
-    order = np.argsort(curve.d)
-    axes.plot(np.asarray(curve.d)[order], np.asarray(curve.q)[order], **style)
+    """Draw q over d as a line, whatever the order of its points, dotted where it jumps."""
+    d, q = np.asarray(curve.d), np.asarray(curve.q)
+    order = np.argsort(d)
+    d, q = d[order], q[order]
+    for jump in getattr(curve, "jumps", ()):
+        ends = [jump.q_before, jump.q_after][:: 1 if jump.d > 0 else -1]
+        place = np.searchsorted(d, jump.d)
+        d = np.insert(d, place, [jump.d] * 3)
+        q = np.insert(q, place, [ends[0], np.nan, ends[1]])
+        axes.plot([jump.d] * 2, ends, color=style.get("color"), linestyle=":", linewidth=0.9)
+    axes.plot(d, q, **style)
 
 
 def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:

@@ -101,7 +101,16 @@ class ContactMechanics:
     ACCURACY = 1e-9
     #: How the step of a load path changes.
     steps = Steps(
-        first=0.01, smallest=1e-5, largest=0.05, easy=14, hard=24, growth=1.7, remembered=False
+        first=0.01,
+        smallest=1e-5,
+        largest=0.025,
+        resolved=5e-3,
+        smooth=0.5,
+        lands=True,
+        easy=14,
+        hard=24,
+        growth=1.7,
+        remembered=False,
     )
 
     def __init__(
@@ -337,7 +346,7 @@ class ContactMechanics:
                 raise ConvergenceError("every step would carry a wall through another")
 
     def settled(self, here: ContactPoint, target: float, tried: float) -> ContactPoint:
-        """A solid is not followed beyond the end of its branch."""
+        """A solid is not followed where no equilibrium is found."""
         raise ConvergenceError("the branch ends")
 
     def at_rest(self) -> ContactPoint:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
+from ngspring.analysis.path import Jump, both_ways, checked_displacements, follow, in_order
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
@@ -121,6 +122,8 @@ class ContactResponse:
         Where and why the path ended, if it did.
     iterations : int
         Newton iterations in all.
+    jumps : tuple of Jump
+        Where a branch ended on the way and the solid snapped to another one.
     """
 
     body: Body
@@ -140,10 +143,11 @@ class ContactResponse:
     smallest_gap: FloatArray
     largest_stretch: FloatArray
     largest_stretch_at: FloatArray
-    contact_starts: tuple[float, ...]
-    complete: bool
-    message: str
-    iterations: int
+    contact_starts: tuple[float, ...] = ()
+    complete: bool = True
+    message: str = ""
+    iterations: int = 0
+    jumps: tuple[Jump, ...] = ()
 
 
 @dataclass
@@ -230,9 +234,10 @@ def contact_load_displacement(
         rest = mechanics.at_rest()
         points = [rest]
         messages, starts, iterations = [], [], rest.iterations + 1
+        jumps: list[Jump] = []
         for side in both_ways(targets):
             watch = _Watch(rest)
-            reached, message = follow(mechanics, side, rest, on_point=watch)
+            reached, message = follow(mechanics, side, rest, on_point=watch, on_jump=jumps.append)
             points += reached
             iterations += watch.iterations
             if watch.onset is not None:
@@ -241,7 +246,15 @@ def contact_load_displacement(
                 logger.warning(message)
                 messages.append(message)
         points = in_order(targets, points)
-        return _response(body, settings, mechanics, supports, points, starts, messages, iterations)
+        response = _response(body, settings, mechanics, supports, points)
+    return dataclasses.replace(
+        response,
+        contact_starts=tuple(sorted(starts)),
+        complete=not messages,
+        message="; ".join(messages),
+        iterations=iterations,
+        jumps=tuple(jumps),
+    )
 
 
 def _response(
@@ -250,10 +263,8 @@ def _response(
     mechanics: ContactMechanics,
     supports: Supports,
     points: list[ContactPoint],
-    starts: list[float],
-    messages: list[str],
-    iterations: int,
 ) -> ContactResponse:
+    """The rows of these points."""
     solid, contact = mechanics.solid, mechanics.contact
     n, m = solid.ndof, len(contact.rest)
     fields = [mechanics.full_field(point.d, point.u) for point in points]
@@ -284,10 +295,6 @@ def _response(
         smallest_gap=np.array([point.contact.smallest_gap for point in points]),
         largest_stretch=np.array([row[4] for row in rows]),
         largest_stretch_at=np.array([row[5] for row in rows]).reshape(-1, 2),
-        contact_starts=tuple(sorted(starts)),
-        complete=not messages,
-        message="; ".join(messages),
-        iterations=iterations,
     )
 
 
