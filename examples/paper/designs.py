@@ -106,9 +106,9 @@ def compute_curves(
             continue
         points = [point for point in design.problem.control_points if not point.eta]
         places = {0.0, *curve_displacements(design, points=options.points), *(p.d for p in points)}
-        curves[name] = curve = load_displacement(design, places, threads=options.threads)
+        curves[name] = curve = load_displacement(design, sorted(places), threads=options.threads)
         symbol = width_symbol(design.problem)
-        numbers[name] = {symbol: design.equivalent_width / design.problem.H}
+        numbers[name] = {symbol: design.relative_width}
         for point in points:
             k = index_of(curve, point.d)
             numbers[name][f"q({point.d:g})"] = float("nan") if k is None else float(curve.q[k])

@@ -25,6 +25,6 @@ def draw(options: Options) -> Numbers:
         "lowest": float(rho.min()),
         "highest": float(rho.max()),
         "centre": float(rho[100, 100]),
-        "W/H": design.equivalent_width / 100,
+        "W/H": design.relative_width,
     }
     return {"column": numbers}

@@ -45,6 +45,6 @@ def draw(options: Options) -> Numbers:
         raise SystemExit("there are no snapshots: make them with --recompute")
     save(snapshots_figure(runs), options, "fig16")
     return {
-        name: {update: d.equivalent_width / d.problem.H for update, d in designs.items()}
+        name: {update: d.relative_width for update, d in designs.items()}
         for name, designs in runs.items()
     }

@@ -30,7 +30,7 @@ def draw(options: Options) -> Numbers:
         draw_design(axes, design)
         problem = design.problem
         axes.set(xlim=(0, problem.L), ylim=(0, problem.H))
-        symbol, ratio = width_symbol(problem), design.equivalent_width / problem.H
+        symbol, ratio = width_symbol(problem), design.relative_width
         axes.set_title(f"{name}\n{symbol} = {ratio:.3f}", fontsize=8, y=-0.32)
         numbers[name] = {symbol: ratio}
     save(figure, options, "gallery")

@@ -70,7 +70,7 @@ def design_row(name: str) -> Row:
         targets,
         reached,
         f"{100 * worst:.4f} %",
-        f"{design.equivalent_width / design.problem.H:.4f}",
+        f"{design.relative_width:.4f}",
         width,
         str(len(history) - 1),
         updates,
@@ -97,9 +97,7 @@ def growth_lines() -> str:
     """Do the volumes grow as the paper says? For those that are stored."""
     lines = []
     for family in (tuple(f"C{i}" for i in range(1, 8)), tuple(f"T{i}" for i in range(1, 7))):
-        ratios = {
-            n: gallery[n].equivalent_width / gallery[n].problem.H for n in family if n in gallery
-        }
+        ratios = {n: gallery[n].relative_width for n in family if n in gallery}
         growing = [ratio for name, ratio in ratios.items() if name != "T1"]
         verdict = "grows" if growing == sorted(growing) else "does NOT grow"
         values = ", ".join(f"{name} {ratio:.4f}" for name, ratio in ratios.items())

@@ -201,8 +201,8 @@ def test_curves_cover_the_whole_range_with_41_points(
     paper = script("designs")
     asked: list[float] = []
 
-    def record(design: Design, places: set[float], threads: int | None) -> Response:
-        asked.extend(sorted(places))
+    def record(design: Design, places: list[float], threads: int | None) -> Response:
+        asked.extend(places)
         return load_displacement(design, [0.0, 10.0], threads=1)
 
     monkeypatch.setattr(paper, "load_displacement", record)
