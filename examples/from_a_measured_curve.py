@@ -17,8 +17,10 @@ L, H, T = 40.0, 40.0, 20.0  # width, height and thickness in mm
 
 def main(elements: int = 16, out: Path = Path()) -> ngspring.Result:
     curve = ngspring.read_curve(CURVE, height=H, area=L * T)
-    size = {"L": L, "H": H, "T": T, "elements": elements, "l_i": 0.8 * H / elements}
-    problem = ngspring.problem_from_curve(curve, at=[-8, -4, 4], shore_A=50, **size)
+    # The interface between solid and void is 4/5 of an element wide.
+    problem = ngspring.problem_from_curve(
+        curve, at=[-8, -4, 4], L=L, H=H, T=T, shore_A=50, elements=elements, l_i=0.8 * H / elements
+    )
     for finding in ngspring.check_targets(problem):
         print(f"{finding.level}: {finding.message}")
     result = ngspring.optimize(problem)

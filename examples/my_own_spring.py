@@ -11,7 +11,7 @@ import numpy as np
 import ngspring
 from ngspring import ControlPoint, SpringProblem
 
-TARGETS = [ControlPoint(d=10, q=2), ControlPoint(d=-10, q=-2), ControlPoint(d=-20, q=-3)]  # mm, N
+TARGETS = (ControlPoint(d=10, q=2), ControlPoint(d=-10, q=-2), ControlPoint(d=-20, q=-3))  # mm, N
 
 
 def main(elements: int = 16, picture: str = "my_own_spring.png") -> ngspring.Result:
