@@ -2,15 +2,11 @@
 
 Black is solid, white is void. Axisymmetric springs (A) are shown in section. Designs that are not
 stored yet are left out.
-
-    python examples/gallery_overview.py [--out DIR]
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from figures import RUNS, Numbers, read_options, save
+from designs import RUNS, Numbers, Options, save
 
 from ngspring import gallery
 from ngspring.view.design import draw_design
@@ -20,8 +16,7 @@ from ngspring.view.text import width_symbol
 COLUMNS = 9
 
 
-def main(arguments: Sequence[str] | None = None) -> Numbers:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     designs = {name: gallery[name] for name in RUNS if name in gallery}
     if options.only is not None:
         designs = {name: design for name, design in designs.items() if name in options.only}
@@ -35,12 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> Numbers:
         draw_design(axes, design)
         problem = design.problem
         axes.set(xlim=(0, problem.L), ylim=(0, problem.H))
-        symbol, ratio = width_symbol(problem), design.equivalent_width / problem.H
+        symbol, ratio = width_symbol(problem), design.relative_width
         axes.set_title(f"{name}\n{symbol} = {ratio:.3f}", fontsize=8, y=-0.32)
         numbers[name] = {symbol: ratio}
     save(figure, options, "gallery")
     return numbers
-
-
-if __name__ == "__main__":
-    main()
