@@ -34,7 +34,7 @@ from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 
 ROOT = Path(ngspring.__file__).parents[1]
-GALLERY = Path(__file__).parents[2] / "examples" / "gallery.toml"
+GALLERY = Path(__file__).parents[2] / "examples" / "paper" / "gallery.toml"
 TINY = SpringProblem((ControlPoint(-10, -2),), name="tiny", elements=8, l_i=10.0)
 
 
@@ -50,7 +50,7 @@ def one(text: str) -> Run:
 # -- what a file stands for ------------------------------------------------------------------------
 
 
-# Why is said in examples/README.md.
+# Why is said in examples/paper/README.md.
 STARTS = {
     "C1": "run C2",
     "C5": "run C4",

@@ -54,7 +54,7 @@ NUMBERS: dict[str, dict[str, tuple[float, float]]] = {
         "density_of_neck['robust']": (0.99, 1),
         "density_of_neck['not robust']": (0.1, 0.9),
     },
-    # Exact but for the void's E_0; Eq. 25 as examples/README.md has it.
+    # Exact but for the void's E_0; Eq. 25 as examples/paper/README.md has it.
     "06_axisymmetric": {"max(relative)": (0, 2e-6), "D / H": (0.4091, 0.4093)},
 }
 

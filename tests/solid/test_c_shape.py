@@ -1,4 +1,4 @@
-"""The published benchmark of a C whose arms touch (examples/c_shape.py)."""
+"""The published benchmark of a C whose arms touch (examples/paper/c_shape.py)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import pytest
 
 from ngspring.fem.process import parallel
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the examples are not installed")
+PAPER = Path(__file__).parents[2] / "examples" / "paper"
+pytestmark = pytest.mark.skipif(not PAPER.is_dir(), reason="the examples are not installed")
 
 
 @pytest.fixture
 def c_shape(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.syspath_prepend(PAPER)
     return importlib.import_module("c_shape")
 
 

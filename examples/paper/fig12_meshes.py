@@ -10,9 +10,7 @@ turned inside out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from figures import load_designs, read_options, save
+from designs import Numbers, Options, load_designs, save
 
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.view.solid import meshes_figure
@@ -20,11 +18,10 @@ from ngspring.view.solid import meshes_figure
 NAMES = ("C1", "C4", "C7", "T2", "T3", "T6")
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     designs = load_designs(NAMES, options)
     bodies = {name: None if d is None else mesh_body(d) for name, d in designs.items()}
-    numbers = {}
+    numbers: Numbers = {}
     for name, body in bodies.items():
         if body is None or body.quality is None:
             continue
@@ -37,8 +34,3 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
         }
     save(meshes_figure(bodies), options, "fig12")
     return numbers
-
-
-if __name__ == "__main__":
-    for name, values in main().items():
-        print(name, values)

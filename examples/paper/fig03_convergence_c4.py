@@ -11,33 +11,27 @@ are close to zero after 17 updates (paper: fewer than 20), the rest saves materi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from figures import load_designs, read_options, save
+from designs import Numbers, Options, load_designs, save
 
 from ngspring.view.run import convergence_figure
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, float]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     design = load_designs(["C4"], options)["C4"]
     assert design is not None
     assert design.history is not None
     history = design.history
     save(convergence_figure(history, design.problem), options, "fig03")
     misfit = sum(history[f"C_q{j}"] for j in (1, 2, 3))
-    return {
+    numbers = {
         "updates": float(len(history) - 1),
         "newton iterations": float(history.newton_iterations),
-        "W/H": history.last()["width"],
-        "last dt": history.last()["dt"],
+        "W/H": history.last().width,
+        "last dt": history.last().dt,
         "largest growth of C": float(np.max(np.diff(history["C"]) / history["C"][:-1])),
         "misfit left after 17 updates": float(misfit[17] / misfit[0]),
         "misfit left after 20 updates": float(misfit[20] / misfit[0]),
         "last update with a smaller dt": float(np.flatnonzero(np.diff(history["dt"]) < 0)[-1] + 1),
     }
-
-
-if __name__ == "__main__":
-    print(main())
+    return {"C4": numbers}

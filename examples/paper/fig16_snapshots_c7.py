@@ -14,10 +14,9 @@ start (paper: 0.2515 after 140 from its own).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib.resources import as_file, files
 
-from figures import Options, read_options, recompute, save
+from designs import Numbers, Options, recompute, save
 
 from ngspring.design.snapshots import Snapshots
 from ngspring.view.rows import snapshots_figure
@@ -39,8 +38,7 @@ def load(name: str, options: Options) -> Snapshots | None:
         return Snapshots.load(path)
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, dict[int, float]]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     stored = {name: load(name, options) for name in NAMES}
     runs = {name: {} if kept is None else kept.designs() for name, kept in stored.items()}
     if not any(runs.values()):
@@ -50,8 +48,3 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[int, float]]:
         name: {update: d.equivalent_width / d.problem.H for update, d in designs.items()}
         for name, designs in runs.items()
     }
-
-
-if __name__ == "__main__":
-    for name, ratios in main().items():
-        print(name, ratios)

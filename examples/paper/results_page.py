@@ -1,4 +1,4 @@
-"""The tables of examples/README.md, made from the stored designs and what was computed with them.
+"""The tables of README.md, made from the stored designs and what was computed with them.
 
 What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 
@@ -10,25 +10,23 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 - ``verification``: how far the remodelled solid with real contact is from the third medium
   (results/verification.json, written by verification_of_gallery.py).
 
-    python examples/results_page.py
+    python examples/paper/results_page.py
 """
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
-from figures import RUNS
+from designs import HERE, RUNS
+from gallery_results import read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
 from ngspring.problem.point import worst_deviation
 from ngspring.view.text import deviation_text
 
-HERE = Path(__file__).parent
 PAGE = HERE / "README.md"
 #: W/H and design updates where the paper's text states them.
 PAPER = {"C7": ("0.2539", "153"), "C7-random": ("0.2515", "140"), "C4": ("", "115 + 1")}
@@ -38,11 +36,6 @@ Row = Sequence[str]
 def names() -> list[str]:
     """The designs in the order of the gallery's campaign, then any others."""
     return [name for name in RUNS if name in gallery] + sorted(set(gallery) - set(RUNS))
-
-
-def results(name: str) -> dict[str, Any]:
-    path = HERE / "results" / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def table(header: Row, rows: Iterable[Row]) -> str:
@@ -82,7 +75,7 @@ def design_row(name: str) -> Row:
         str(len(history) - 1),
         updates,
         str(history.newton_iterations),
-        f"{history.last()['seconds'] / 60:.0f}",
+        f"{history.last().seconds / 60:.0f}",
         str(design.info["start"]),
     )
 
@@ -132,7 +125,7 @@ def stability_row(name: str, found: dict[str, Any]) -> Row:
 
 
 def stability_table() -> str:
-    stored = results("stability")
+    stored = read("stability")
     rows = [stability_row(name, stored[name]) for name in names() if name in stored]
     header = ("design", "d [mm]", "lowest eigenvalue", "symmetric path", "picture")
     return table(header, rows)
@@ -167,7 +160,7 @@ def verification_row(name: str, found: dict[str, Any]) -> Row:
 
 
 def verification_table() -> str:
-    stored = results("verification")
+    stored = read("verification")
     rows = [verification_row(name, stored[name]) for name in names() if name in stored]
     header = (
         "design", "q [N]: third medium / real contact", "deviation at the control points",

@@ -2,15 +2,11 @@
 
 Black is solid, white is void. Axisymmetric springs (A) are shown in section. Designs that are not
 stored yet are left out.
-
-    python examples/gallery_overview.py [--out DIR]
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from figures import RUNS, Numbers, read_options, save
+from designs import RUNS, Numbers, Options, save
 
 from ngspring import gallery
 from ngspring.view.design import draw_design
@@ -20,8 +16,7 @@ from ngspring.view.text import width_symbol
 COLUMNS = 9
 
 
-def main(arguments: Sequence[str] | None = None) -> Numbers:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     designs = {name: gallery[name] for name in RUNS if name in gallery}
     if options.only is not None:
         designs = {name: design for name, design in designs.items() if name in options.only}
@@ -40,7 +35,3 @@ def main(arguments: Sequence[str] | None = None) -> Numbers:
         numbers[name] = {symbol: ratio}
     save(figure, options, "gallery")
     return numbers
-
-
-if __name__ == "__main__":
-    main()

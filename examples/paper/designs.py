@@ -1,24 +1,14 @@
-"""What the figure scripts of this folder share: their command line, their designs, their curves.
+"""What the figures of this folder share: their options, their designs, their curves.
 
-Every script takes::
-
-    --out DIR        folder for its pictures (default: examples/figures)
-    --points 41      points of each load-displacement curve
-    --only NAME ...  only these designs; the others' rows stay empty
-    --recompute      optimise the designs anew, in runs/figures (resumable), instead of taking
-                     them from the gallery: minutes to hours each
-    --elements N     coarser mesh for --recompute
-    --threads N      threads to use
-
-and fails only if none of its designs is there. What the designs are is said in gallery.toml.
+What the designs are is said in gallery.toml.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -36,44 +26,25 @@ HERE = Path(__file__).parent
 ALL_RUNS = {run.name: run for run in read_campaign(HERE / "gallery.toml").runs}
 #: Without those that are only starts for others.
 RUNS = {name: run for name, run in ALL_RUNS.items() if not name.endswith("-coarse")}
-Numbers = dict[str, dict[str, float]]
+#: What a figure says in numbers: by design (or the like) and quantity.
+Numbers = dict[str, dict[Any, float]]
 
 
 @dataclass(frozen=True)
 class Options:
-    """The command line of a figure script."""
+    """How figures are drawn, see ``python examples/paper/figures.py --help``."""
 
-    out: Path
-    points: int
-    only: tuple[str, ...] | None
-    recompute: bool
-    elements: int | None
-    threads: int | None
+    out: Path = HERE / "figures"
+    points: int = 41
+    only: tuple[str, ...] | None = None
+    recompute: bool = False
+    elements: int | None = None
+    threads: int | None = None
 
     def folder(self, name: str) -> Path:
         """Run folder of a design that is optimised anew."""
         suffix = "" if self.elements is None else f"-{self.elements}"
         return Path("runs", "figures", name + suffix)
-
-
-def read_options(text: str | None, arguments: Sequence[str] | None) -> Options:
-    parser = argparse.ArgumentParser(
-        description=text, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=HERE / "figures", help="folder for pictures")
-    parser.add_argument("--points", type=int, default=41, help="points of each curve")
-    parser.add_argument("--only", nargs="+", metavar="NAME", choices=RUNS, help="only these")
-    parser.add_argument("--recompute", action="store_true", help="optimise in runs/figures")
-    parser.add_argument("--elements", type=int, help="coarser mesh for --recompute")
-    parser.add_argument("--threads", type=int, help="threads to use")
-    given = parser.parse_args(arguments)
-    if given.elements is not None and not given.recompute:
-        parser.error("--elements belongs to --recompute")
-    if given.points < 2:
-        parser.error("--points must be at least 2")
-    only = None if given.only is None else tuple(given.only)
-    given.out.mkdir(parents=True, exist_ok=True)
-    return Options(given.out, given.points, only, given.recompute, given.elements, given.threads)
 
 
 def load_designs(names: Iterable[str], options: Options) -> dict[str, Design | None]:
@@ -141,8 +112,8 @@ def compute_curves(
         for point in points:
             k = index_of(curve, point.d)
             numbers[name][f"q({point.d:g})"] = float("nan") if k is None else float(curve.q[k])
-        values = ", ".join(f"{key} = {value:.4f}" for key, value in numbers[name].items())
-        print(f"{name}: {values}{'' if curve.complete else ', ' + curve.message}")
+        if not curve.complete:
+            print(f"{name}: {curve.message}")
     return curves, numbers
 
 

@@ -3,25 +3,19 @@
 The paper names this as open. Each offset is a body-fitted solid of its own with real contact. Less
 material makes the spring softer everywhere, and contact comes later: the narrow slots of C7 make
 the force at -20 mm the most sensitive one (`ngspring.Tolerance.sensitivity`, N per mm of offset).
-
-Writes figures/tolerance-C7.png. A few minutes on one core.
-
-    python examples/tolerance_c7.py [--out DIR] [--points N] [--only NAME ...] [--threads N]
+A few minutes on one core.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from figures import load_designs, read_options, save
+from designs import Numbers, Options, load_designs, save
 
 from ngspring.solid.tolerance import tolerance
 from ngspring.view.tolerance import tolerance_figure
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
-    options = read_options(__doc__, arguments)
-    numbers = {}
+def draw(options: Options) -> Numbers:
+    numbers: Numbers = {}
     for name, design in load_designs(options.only or ("C7",), options).items():
         if design is None:
             continue
@@ -31,8 +25,3 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
             f"dq/d(offset) at {point.d:g}": outcome.sensitivity(point.d) for point in outcome.points
         }
     return numbers
-
-
-if __name__ == "__main__":
-    for name, values in main().items():
-        print(name, values)

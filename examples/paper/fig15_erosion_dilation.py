@@ -11,10 +11,8 @@ changes (E = 0.997, 0.9996, 0.9999).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from figures import read_options, save
+from designs import Numbers, Options, save
 
 from ngspring import cases
 from ngspring.physics.chi import stiffness
@@ -26,15 +24,10 @@ X = (0, 5, 25, 45, 50, 70, 80, 100)
 CHI = (-10, -10, 10, 5, 0, 0, -10, -10)
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[float, float]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     x = np.linspace(0, 100, 1001)
     # A running mean rounds the corners of the polygon.
     chi = np.mean([np.interp(x + shift, X, CHI) for shift in np.linspace(-3, 3, 61)], axis=0)
     save(offsets_figure(x, chi, cases["T1"], OFFSETS), options, "fig15")
     middle = np.array([chi[600]])
-    return {eta: float(stiffness(middle + eta, cases["T1"])[0]) for eta in OFFSETS}
-
-
-if __name__ == "__main__":
-    print(main())
+    return {"E at eta": {e: float(stiffness(middle + e, cases["T1"])[0]) for e in OFFSETS}}

@@ -12,9 +12,7 @@ core.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from figures import load_designs, read_options, save
+from designs import Numbers, Options, load_designs, save
 
 from ngspring.solid.verification import verify
 from ngspring.view.solid import verifications_figure
@@ -22,8 +20,7 @@ from ngspring.view.solid import verifications_figure
 GROUPS = {"compression": ("C1", "C4", "C7"), "tension": ("T2", "T3", "T6")}
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     designs = load_designs([name for names in GROUPS.values() for name in names], options)
     verified = {
         name: verify(design, points=options.points, threads=options.threads)
@@ -41,8 +38,3 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
         | {"largest deviation": outcome.largest_deviation[2]}
         for name, outcome in verified.items()
     }
-
-
-if __name__ == "__main__":
-    for name, values in main().items():
-        print(name, values)

@@ -7,15 +7,13 @@ intermediate density (Appendix A), which is not physical.
 Numbers to expect: both meet q(10) = 2 N and q(20) = 3 N (T1) or 3.5 N (T2) within 0.1 %; the grey
 part of the solid (rho between 0.2 and 0.8, as a fraction of the volume) is 1.3 % (T1) and 1.5 %
 (T2) in the robust designs, that of their interfaces alone, and 3.2 % and 3.0 % without. The line
-across T1's neck (rho = 0.82) does not count as grey here; examples/README.md tells about it.
+across T1's neck (rho = 0.82) does not count as grey here; README.md tells about it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from figures import Numbers, compute_curves, load_designs, read_options, save
+from designs import Numbers, Options, compute_curves, load_designs, save
 
 from ngspring import Design
 from ngspring.view.rows import robust_figure
@@ -31,8 +29,7 @@ def grey_fraction(design: Design) -> float:
     return float(rho[(rho > 0.2) & (rho < 0.8)].sum() / rho.sum())
 
 
-def main(arguments: Sequence[str] | None = None) -> Numbers:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     designs = load_designs(NAMES, options)
     curves, numbers = compute_curves(designs, options)
     pairs = {case: (case, f"{case}-not-robust") for case in CASES}
@@ -44,9 +41,4 @@ def main(arguments: Sequence[str] | None = None) -> Numbers:
     for name, design in designs.items():
         if design is not None:
             numbers[name]["grey"] = grey_fraction(design)
-            print(f"{name}: grey fraction {numbers[name]['grey']:.3f}")
     return numbers
-
-
-if __name__ == "__main__":
-    main()

@@ -17,9 +17,7 @@ On triangles of 0.2 mm (0.1 mm for the upper corner), other choices give: upper 
 The third medium is the one of this package on the same shape: E_0 = 1e-6 and k_r = 1e-6 (Eq. 14
 with L for H) in the C's inside and in one more column of elements on its right.
 
-Writes figures/c-shape.png. A minute or two on one core.
-
-    python examples/c_shape.py [--out DIR] [--threads N]
+A minute or two on one core.
 """
 
 from __future__ import annotations
@@ -31,7 +29,7 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from figures import read_options, save
+from designs import Numbers, Options, save
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from netgen.occ import Glue, MoveTo, OCCGeometry, X
@@ -231,8 +229,7 @@ def picture(contact: Curve, medium: Curve) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     down = [*np.linspace(-0.1, -1.3, 7), -0.35 * LENGTH, *np.linspace(-1.5, -2.3, 5), -0.6 * LENGTH]
     with parallel(options.threads):
         curves = {"real contact": real_contact(down), "third medium": third_medium(down)}
@@ -241,14 +238,9 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
             "third medium": third_medium([0.5 * LENGTH]).u_a[0],
         }
     save(picture(*curves.values()), options, "c-shape")
-    numbers = {}
+    numbers: Numbers = {}
     for name, curve in curves.items():
         found = dict(zip(curve.d.tolist(), curve.u_a.tolist(), strict=True))
         found[0.5 * LENGTH] = float(pulled[name])
         numbers[name] = {f"u_y at {d:g}": found[d] for d in PUBLISHED}
     return numbers
-
-
-if __name__ == "__main__":
-    for name, values in main().items():
-        print(name, values)

@@ -9,28 +9,22 @@ Numbers to expect: rho from 0.011 (left and right of the column's ends) to 0.989
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from figures import read_options, save
+from designs import Numbers, Options, save
 
 from ngspring import Design, cases
 from ngspring.view.design import density_figure
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, float]:
-    options = read_options(__doc__, arguments)
+def draw(options: Options) -> Numbers:
     design = Design.column(cases["C4"])
     save(density_figure(design), options, "fig02")
     x = np.linspace(0, 100, 201)
     rho = design.density(x[:, None], x[None, :])
-    return {
+    numbers = {
         "lowest": float(rho.min()),
         "highest": float(rho.max()),
         "centre": float(rho[100, 100]),
         "W/H": design.equivalent_width / 100,
     }
-
-
-if __name__ == "__main__":
-    print(main())
+    return {"column": numbers}

@@ -1,4 +1,4 @@
-"""Every figure script runs, draws what it says, and returns the numbers of its docstring.
+"""Every figure of the paper is drawn, shows what it says, and returns the numbers of its text.
 
 The stored designs are checked for real, where that takes seconds; for the arrangement of the
 pictures columns on 8 x 8 elements stand in for them.
@@ -9,44 +9,30 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
-from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import ngspring.evolution.optimize
 import ngspring.view.design
-from ngspring import (
-    Design,
-    DesignFileError,
-    Response,
-    SpringProblem,
-    gallery,
-    load_displacement,
-    optimize,
-)
+from ngspring import Design, Response, gallery, load_displacement
 from ngspring.campaign.plan import Run
-from ngspring.design.snapshots import Snapshots
-from ngspring.evolution.recorder import SnapshotRecorder
-from ngspring.physics.chi import stiffness
 from ngspring.problem.scaling import on_mesh
-from ngspring.view.design import offsets_figure
-from ngspring.view.rows import snapshots_figure
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the examples are not installed")
+PAPER = Path(__file__).parents[2] / "examples" / "paper"
+pytestmark = pytest.mark.skipif(not PAPER.is_dir(), reason="the examples are not installed")
 
 FAMILIES = {
-    "fig04_05_compression": tuple(f"C{i}" for i in range(1, 8)),
-    "fig06_07_tension": tuple(f"T{i}" for i in range(1, 7)),
-    "fig08_tension_compression_linear": ("CT1", "CT2", "CT3"),
-    "fig09_tension_compression_stiffening": ("CT4", "CT5", "CT6"),
-    "fig10_axisymmetric_softening": ("A1", "A2"),
-    "fig11_axisymmetric_stiffening": ("A3", "A4"),
-    "fig14_robust": ("T1", "T1-not-robust", "T2", "T2-not-robust"),
+    "4": tuple(f"C{i}" for i in range(1, 8)),
+    "6": tuple(f"T{i}" for i in range(1, 7)),
+    "8": ("CT1", "CT2", "CT3"),
+    "9": ("CT4", "CT5", "CT6"),
+    "10": ("A1", "A2"),
+    "11": ("A3", "A4"),
+    "14": ("T1", "T1-not-robust", "T2", "T2-not-robust"),
 }
 NAMES = sorted({"C7-random"}.union(*FAMILIES.values()))
 # What the paper, or our own run, says; a design without an entry is still checked for its targets.
@@ -57,35 +43,38 @@ def script(name: str) -> ModuleType:
     return importlib.import_module(name)
 
 
+def draw(figure: str, arguments: list[str]) -> Any:
+    """The numbers of a figure."""
+    return script("figures").main([figure, *arguments])[figure]
+
+
 @pytest.fixture(autouse=True)
 def examples_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.syspath_prepend(PAPER)
 
 
 @pytest.fixture
 def saved(monkeypatch: pytest.MonkeyPatch) -> dict[str, Figure]:
     """Figures by name, as the scripts save them; drawn coarsely."""
-    figures = script("figures")
+    paper = script("designs")
     monkeypatch.setattr(ngspring.view.design, "_CELLS", 40)
     kept: dict[str, Figure] = {}
-    write = figures.save_figure
+    write = paper.save_figure
 
     def keep(figure: Figure, path: Path) -> None:
         kept[path.stem] = figure
         write(figure, path, dpi=40)
 
-    monkeypatch.setattr(figures, "save_figure", keep)
+    monkeypatch.setattr(paper, "save_figure", keep)
     return kept
 
 
 @pytest.fixture
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> dict[str, Design]:
     """A gallery of columns on 8 x 8 elements under all its names."""
-    figures = script("figures")
-    designs = {
-        name: Design.column(on_mesh(run.problem, 8)[0]) for name, run in figures.RUNS.items()
-    }
-    monkeypatch.setattr(figures, "gallery", designs)
+    paper = script("designs")
+    designs = {name: Design.column(on_mesh(run.problem, 8)[0]) for name, run in paper.RUNS.items()}
+    monkeypatch.setattr(paper, "gallery", designs)
     return designs
 
 
@@ -110,7 +99,7 @@ def tidy(figure: Figure) -> bool:
 def test_the_gallery_holds_every_spring_of_the_figures_and_c4_from_a_random_start() -> None:
     assert len(NAMES) == 26
     # No figure of the paper has C4 from a random start; it shows that C4 gets there too.
-    assert sorted(gallery) == sorted(script("figures").RUNS) == sorted([*NAMES, "C4-random"])
+    assert sorted(gallery) == sorted(script("designs").RUNS) == sorted([*NAMES, "C4-random"])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -127,8 +116,7 @@ def test_stored_designs_meet_their_targets(name: str) -> None:
 def test_figs_4_and_5_of_the_stored_c4(
     tmp_path: Path, saved: dict[str, Figure], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main = script("fig04_05_compression").main
-    numbers = main(arguments(tmp_path, "--only", "C4", "--points", "2"))
+    numbers = draw("4", arguments(tmp_path, "--only", "C4", "--points", "2"))
     assert set(numbers) == {"C4"}
     assert numbers["C4"]["W/H"] == pytest.approx(0.2189, abs=1e-4)
     for place, target in (("q(10)", 2.0), ("q(-10)", -2.0), ("q(-20)", -4.0)):
@@ -147,7 +135,7 @@ def test_figs_4_and_5_of_the_stored_c4(
 
 
 def test_fig_3(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    numbers = script("fig03_convergence_c4").main(arguments(tmp_path))
+    numbers = draw("3", arguments(tmp_path))["C4"]
     assert numbers["updates"] == 65
     assert numbers["newton iterations"] == 285
     assert numbers["last dt"] == np.inf
@@ -167,7 +155,7 @@ def test_fig_14_without_the_dilated_design_there_is_twice_as_much_grey() -> None
 
 
 def test_fig_16_of_the_stored_snapshots(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    ratios = script("fig16_snapshots_c7").main(arguments(tmp_path))
+    ratios = draw("16", arguments(tmp_path))
     assert {name: len(designs) for name, designs in ratios.items()} == {"C7": 7, "C7-random": 7}
     for name, start, updates, end in (("C7", 0.5, 93, 0.2526), ("C7-random", 0.459, 102, 0.2513)):
         assert ratios[name][0] == pytest.approx(start, abs=1e-3)
@@ -177,11 +165,11 @@ def test_fig_16_of_the_stored_snapshots(tmp_path: Path, saved: dict[str, Figure]
 
 
 def test_the_overview_shows_every_stored_design(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    numbers = script("gallery_overview").main(arguments(tmp_path))
+    numbers = draw("gallery", arguments(tmp_path))
     assert set(numbers) == set(gallery)
     assert numbers["C7"]["W/H"] == pytest.approx(0.2526, abs=1e-4)
     titles = [axes.get_title().split("\n")[0] for axes in saved["gallery"].axes]
-    assert [title for title in titles if title] == list(script("figures").RUNS)
+    assert [title for title in titles if title] == list(script("designs").RUNS)
     assert tidy(saved["gallery"])
 
 
@@ -192,7 +180,7 @@ def test_the_overview_shows_every_stored_design(tmp_path: Path, saved: dict[str,
 def test_families(
     name: str, tmp_path: Path, saved: dict[str, Figure], stand_ins: dict[str, Design]
 ) -> None:
-    numbers = script(name).main(arguments(tmp_path, "--points", "3"))
+    numbers = draw(name, arguments(tmp_path, "--points", "3"))
     assert set(numbers) == set(FAMILIES[name])
     for key, values in numbers.items():
         design = stand_ins[key]
@@ -204,22 +192,22 @@ def test_families(
     assert all(map(tidy, saved.values()))
     columns = 1 + len(plain)
     rows = saved[max(saved)].axes
-    assert len(rows) == {"fig14_robust": 10}.get(name, len(numbers) * (columns + 1))
+    assert len(rows) == {"14": 10}.get(name, len(numbers) * (columns + 1))
 
 
 def test_curves_cover_the_whole_range_with_41_points(
     stand_ins: dict[str, Design], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures = script("figures")
+    paper = script("designs")
     asked: list[float] = []
 
     def record(design: Design, places: set[float], threads: int | None) -> Response:
         asked.extend(sorted(places))
         return load_displacement(design, [0.0, 10.0], threads=1)
 
-    monkeypatch.setattr(figures, "load_displacement", record)
-    options = figures.read_options(None, [])
-    curves, numbers = figures.compute_curves({"C1": stand_ins["C1"], "CT1": None}, options)
+    monkeypatch.setattr(paper, "load_displacement", record)
+    options = paper.Options()
+    curves, numbers = paper.compute_curves({"C1": stand_ins["C1"], "CT1": None}, options)
     assert set(curves) == set(numbers) == {"C1"}
     assert len(asked) >= 41
     assert (asked[0], asked[-1]) == (-20.0, 10.0)
@@ -236,41 +224,41 @@ def test_a_missing_design_leaves_a_row_that_says_so(
 ) -> None:
     del stand_ins["A4"], stand_ins["T1"], stand_ins["T2-not-robust"]
     more = arguments(tmp_path, "--points", "2")
-    script("fig11_axisymmetric_stiffening").main(more)
+    draw("11", more)
     assert "not in the gallery: A4\n" in capsys.readouterr().out
     empty = saved["fig11"].axes[-1]
     assert empty.get_title() == "A4"
     assert [text.get_text() for text in empty.texts] == ["not in\nthe gallery"]
-    script("fig14_robust").main(more)
+    draw("14", more)
     assert "not in the gallery: T1, T2-not-robust\n" in capsys.readouterr().out
     assert tidy(saved["fig11"])
     assert tidy(saved["fig14"])
 
 
-@pytest.mark.parametrize("name", [*FAMILIES, "fig03_convergence_c4"])
-def test_without_any_design_a_script_fails(
+@pytest.mark.parametrize("name", [*FAMILIES, "3"])
+def test_without_any_design_a_figure_fails(
     name: str, tmp_path: Path, stand_ins: dict[str, Design]
 ) -> None:
     stand_ins.clear()
     with pytest.raises(SystemExit, match=r"none of .* is in the gallery"):
-        script(name).main(arguments(tmp_path))
+        draw(name, arguments(tmp_path))
     assert not list(tmp_path.iterdir())
 
 
 def test_bad_arguments_are_refused(tmp_path: Path) -> None:
     for more in (["--elements", "8"], ["--points", "1"], ["--only", "nonsense"]):
         with pytest.raises(SystemExit) as caught:
-            script("fig10_axisymmetric_softening").main(arguments(tmp_path, *more))
+            draw("10", arguments(tmp_path, *more))
         assert caught.value.code == 2
 
 
 @pytest.fixture
 def one_update(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Run]:
     """The runs of the gallery, each stopped after one update; --recompute writes to tmp_path."""
-    figures = script("figures")
+    paper = script("designs")
     monkeypatch.chdir(tmp_path)
-    runs = {name: dataclasses.replace(run, max_updates=1) for name, run in figures.RUNS.items()}
-    monkeypatch.setattr(figures, "ALL_RUNS", runs)
+    runs = {name: dataclasses.replace(run, max_updates=1) for name, run in paper.RUNS.items()}
+    monkeypatch.setattr(paper, "ALL_RUNS", runs)
     return runs
 
 
@@ -279,11 +267,11 @@ def test_recompute_is_resumable_and_keeps_snapshots(
     tmp_path: Path, saved: dict[str, Figure]
 ) -> None:
     more = arguments(tmp_path, "--recompute", "--elements", "8", "--points", "2")
-    first = script("fig04_05_compression").main([*more, "--only", "C7"])
-    again = script("fig04_05_compression").main([*more, "--only", "C7"])
+    first = draw("4", [*more, "--only", "C7"])
+    again = draw("4", [*more, "--only", "C7"])
     assert first == again
     assert (tmp_path / "runs" / "figures" / "C7-8" / "design.npz").is_file()
-    ratios = script("fig16_snapshots_c7").main(more)
+    ratios = draw("16", more)
     assert set(ratios) == {"C7", "C7-random"}
     assert set(ratios["C7"]) == set(ratios["C7-random"]) == {0, 1}
     assert ratios["C7"][0] == pytest.approx(0.5)
@@ -291,16 +279,16 @@ def test_recompute_is_resumable_and_keeps_snapshots(
 
 
 def test_recompute_goes_the_way_of_the_gallery(one_update: dict[str, Run]) -> None:
-    figures = script("figures")
-    options = figures.read_options(None, ["--recompute", "--elements", "8", "--threads", "1"])
+    paper = script("designs")
+    options = paper.Options(recompute=True, elements=8, threads=1)
     # C5 continues from C4, which is computed first; T1 begins from a file.
-    after = figures.recompute("C5", options)
+    after = paper.recompute("C5", options)
     before = Design.load("runs/figures/C4-8/design.npz")
     assert after.info["start"] == "run C4"
     assert before.info["start"] == "column"
     assert after.history is not None
     assert after.history["width"][0] == pytest.approx(before.equivalent_width / 100, abs=1e-9)
-    t1 = figures.recompute("T1", options)
+    t1 = paper.recompute("T1", options)
     assert t1.info["start"] == "design starts/T1-ellipse.npz"
     assert t1.history is not None
     ellipse = Design.load(one_update["T1"].design)
@@ -308,9 +296,9 @@ def test_recompute_goes_the_way_of_the_gallery(one_update: dict[str, Run]) -> No
 
 
 def test_the_start_of_t1_is_an_ellipse_with_a_neck(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(EXAMPLES / "starts"))
+    monkeypatch.syspath_prepend(PAPER / "starts")
     ellipse = importlib.import_module("ellipse")
-    run = script("figures").RUNS["T1"]
+    run = script("designs").RUNS["T1"]
     start = Design.load(run.design)
     again = ellipse.ellipse(run.problem)
     assert np.array_equal(start.coefficients, again.coefficients)
@@ -325,7 +313,7 @@ def test_the_start_of_t1_is_an_ellipse_with_a_neck(monkeypatch: pytest.MonkeyPat
 
 
 def test_fig_2(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    numbers = script("fig02_initial_design").main(arguments(tmp_path))
+    numbers = draw("2", arguments(tmp_path))["column"]
     assert numbers["lowest"] == pytest.approx(1 / (1 + np.exp(4.5)), abs=1e-3)
     assert numbers["highest"] == pytest.approx(1 / (1 + np.exp(-4.5)), abs=1e-3)
     assert numbers["centre"] == pytest.approx(1 / (1 + np.exp(-1.5)), abs=1e-3)
@@ -334,7 +322,7 @@ def test_fig_2(tmp_path: Path, saved: dict[str, Figure]) -> None:
 
 
 def test_fig_15(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    numbers = script("fig15_erosion_dilation").main(arguments(tmp_path))
+    numbers = draw("15", arguments(tmp_path))["E at eta"]
     # Eq. 3 with Eq. 2 and p = 8: E = 1 / (1 + 9 exp(-chi)), but for E_0 = 1e-6.
     expected = {-2.0: 0.014815, 0.0: 0.1, 2.0: 0.450853}
     assert numbers == pytest.approx(expected, abs=2e-6)
@@ -342,130 +330,11 @@ def test_fig_15(tmp_path: Path, saved: dict[str, Figure]) -> None:
     assert tidy(saved["fig15"])
 
 
-def test_ramp_is_the_stiffness_that_is_solved_with(rough: Design) -> None:
-    import ngsolve as ng
-    from netgen.geom2d import unit_square
-
-    chi = np.array([-300.0, -7.0, -0.3, 0.0, 4.0, 60.0])
-    mesh = ng.Mesh(unit_square.GenerateMesh(maxh=1))
-    solved = [stiffness(ng.CF(value), rough.problem)(mesh(0.5, 0.5)) for value in chi]
-    np.testing.assert_allclose(stiffness(chi, rough.problem), solved, rtol=1e-12)
-    drawn = offsets_figure(np.arange(6.0), chi, rough.problem, (-1.0, 1.0)).axes[2].lines
-    np.testing.assert_allclose(drawn[1].get_ydata(), stiffness(chi + 1, rough.problem))
-
-
-# -- snapshots -------------------------------------------------------------------------------------
-
-
-def told(recorder: SnapshotRecorder, design: Design, updates: Mapping[int, bool]) -> None:
-    for number, accepted in updates.items():
-        moved = Design(design.problem, design.coefficients + number)
-        recorder(
-            ngspring.evolution.optimize.Update(accepted, {"update": float(number)}, 1.0, "", moved)
-        )
-
-
-@pytest.fixture
-def small() -> SpringProblem:
-    return on_mesh(ngspring.cases["C7"], 8)[0]
-
-
-def test_recorder_keeps_what_was_asked_for_and_the_last(
-    tmp_path: Path, small: SpringProblem
-) -> None:
-    design, path = Design.column(small), tmp_path / "snapshots.npz"
-    recorder = SnapshotRecorder(path, (0, 2, 3))
-    told(recorder, design, {0: True, 1: True, 2: False})
-    assert sorted(Snapshots.load(path).designs()) == [0, 1]
-    told(recorder, design, {2: True, 3: True, 4: True, 5: True})
-    kept = Snapshots.load(path)
-    assert kept.problem == small
-    assert sorted(kept.designs()) == [0, 2, 3, 5]
-    for number, snapshot in kept.designs().items():
-        expected = design.coefficients + number
-        np.testing.assert_allclose(snapshot.coefficients, expected, rtol=1e-3, atol=1e-3)
-    assert [p.name for p in tmp_path.iterdir()] == ["snapshots.npz"]
-
-
-def test_recorder_continues_a_resumed_run_and_replaces_another(
-    tmp_path: Path, small: SpringProblem
-) -> None:
-    design, path = Design.column(small), tmp_path / "snapshots.npz"
-    told(SnapshotRecorder(path, (0, 1, 4)), design, {0: True, 1: True, 2: True})
-    told(SnapshotRecorder(path, (0, 1, 4)), design, {2: True, 3: True, 4: True, 5: True})
-    assert sorted(Snapshots.load(path).designs()) == [0, 1, 4, 5]
-    told(SnapshotRecorder(path, (0, 1, 4)), design, {0: True})
-    assert sorted(Snapshots.load(path).designs()) == [0]
-    other = Design.column(small.replace(name="other"))
-    told(SnapshotRecorder(path, (0, 1, 4)), other, {7: True})
-    assert sorted(Snapshots.load(path).designs()) == [7]
-
-
-def test_deep_void_fits_into_half_precision(tmp_path: Path, small: SpringProblem) -> None:
-    path = tmp_path / "snapshots.npz"
-    design = Design(small, np.full(small.coefficient_shape, -1e9))
-    told(SnapshotRecorder(path), design, {0: True})
-    assert Snapshots.load(path).designs()[0].density(50, 50) == 0.0
-
-
-def test_damaged_snapshots_do_not_stop_a_run(tmp_path: Path, small: SpringProblem) -> None:
-    path = tmp_path / "snapshots.npz"
-    path.write_bytes(b"not an archive")
-    told(SnapshotRecorder(path), Design.column(small), {3: True})
-    assert sorted(Snapshots.load(path).designs()) == [3]
-
-
-def test_a_run_with_a_folder_keeps_all_its_designs(tmp_path: Path, small: SpringProblem) -> None:
-    result = optimize(small, max_updates=2, out=tmp_path, threads=1)
-    snapshots = Snapshots.load(tmp_path / "snapshots.npz")
-    designs = snapshots.designs()
-    assert sorted(designs) == [0, 1, 2]
-    assert list(snapshots.select((0, 40)).updates) == [0, 2]
-    ratio = designs[2].equivalent_width
-    assert ratio == pytest.approx(result.design.equivalent_width, rel=1e-3)
-
-
-def test_snapshots_of_the_paper_s_mesh_are_small(tmp_path: Path) -> None:
-    design, path = gallery["C4"], tmp_path / "snapshots.npz"
-    told(SnapshotRecorder(path, range(10)), design, dict.fromkeys(range(7), True))
-    assert path.stat().st_size < 30_000
-
-
-def test_damaged_snapshots_are_one_clear_error(tmp_path: Path, small: SpringProblem) -> None:
-    path = tmp_path / "snapshots.npz"
-    with pytest.raises(DesignFileError, match="there is no file"):
-        Snapshots.load(path)
-    shape = (1, *small.coefficient_shape)
-    good = np.zeros(shape, np.float16)
-    for updates, chi in (
-        (np.array([0, 1]), good),
-        (np.array([0]), good + np.float16(np.nan)),
-        (np.array([[0]]), good),
-        (np.array([0.0]), good),
-        (np.array([0]), np.zeros(shape, np.int64)),
-    ):
-        Snapshots(small, updates, chi).save(path)  # type: ignore[arg-type]
-        with pytest.raises(DesignFileError, match="does not hold valid snapshots"):
-            Snapshots.load(path)
-    gallery["C4"].save(path)
-    with pytest.raises(DesignFileError, match="is not a snapshots file"):
-        Snapshots.load(path)
-
-
-def test_snapshots_figure_shows_the_updates_asked_for(
-    monkeypatch: pytest.MonkeyPatch, small: SpringProblem
-) -> None:
-    monkeypatch.setattr(ngspring.view.design, "_CELLS", 8)
-    runs = {"a": dict.fromkeys((0, 5, 9), Design.column(small)), "b": {}}
-    titles = [axes.get_title().split("\n")[0] for axes in snapshots_figure(runs, (0,)).axes]
-    assert titles == ["a, update 0", "a, update 9", "b"]
-
-
 # -- post-evaluation -------------------------------------------------------------------------------
 
 
 def test_fig_12(tmp_path: Path, saved: dict[str, Figure]) -> None:
-    numbers = script("fig12_meshes").main(arguments(tmp_path))
+    numbers = draw("12", arguments(tmp_path))
     assert list(numbers) == ["C1", "C4", "C7", "T2", "T3", "T6"]
     for quality in numbers.values():
         assert abs(quality["area error"]) < 1e-4
@@ -476,7 +345,7 @@ def test_fig_12(tmp_path: Path, saved: dict[str, Figure]) -> None:
 
 def test_fig_13_of_the_stored_c4(tmp_path: Path, saved: dict[str, Figure]) -> None:
     more = arguments(tmp_path, "--only", "C4", "--points", "2", "--threads", "1")
-    numbers = script("fig13_post_evaluation").main(more)["C4"]
+    numbers = draw("13", more)["C4"]
     for place, target in (("q(10)", 2.0), ("q(-10)", -2.0), ("q(-20)", -4.0)):
         # The solid up to chi = 0 is some percent stiffer than the grey surface of the third medium.
         assert 1.03 < numbers[place] / target < 1.09
@@ -492,7 +361,7 @@ def test_more_material_makes_c4_stiffer(
     short = functools.partial(module.tolerance, offsets=(0.25,))
     monkeypatch.setattr(module, "tolerance", short)
     more = arguments(tmp_path, "--only", "C4", "--points", "2", "--threads", "1")
-    slopes = module.main(more)["C4"]
+    slopes = draw("tolerance", more)["C4"]
     assert slopes["dq/d(offset) at 10"] > 0
     assert slopes["dq/d(offset) at -10"] < 0
     assert slopes["dq/d(offset) at -20"] < 0
@@ -505,12 +374,13 @@ def test_the_tables_of_the_results_page_are_those_of_the_stored_designs() -> Non
 
 
 def test_stored_verdicts_belong_to_the_stored_designs() -> None:
+    stored = script("gallery_results")
     for module, results in (
         (script("stability_of_gallery"), "stability"),
         (script("verification_of_gallery"), "verification"),
     ):
-        for name, found in script("results_page").results(results).items():
-            assert found["design"] == script("stability_of_gallery").fingerprint(gallery[name])
+        for name, found in stored.read(results).items():
+            assert found["design"] == stored.fingerprint(gallery[name])
         # Nothing is left to compute for designs that are known already.
-        known = list(module.read())
-        assert not known or module.main(known) == module.read()
+        known = list(stored.read(results))
+        assert not known or module.main(known) == stored.read(results)
