@@ -308,7 +308,8 @@ scene = Draw(1 / (1 + ng.exp(-fields[0])), mesh, "density", deformation=fields[1
 #
 # ngspring is this notebook with more care: $\chi$ in $C^1$ splines (`ngspring.fem.grid`), several
 # control points with one block each (`ngspring.physics.lagrangian`), a fast linear solver
-# (`ngspring.kkt.system`), and rules for $\Delta t$ (`ngspring.evolution.optimize`). The functional is the same.
+# (`ngspring.kkt.system`), and rules for $\Delta t$ (`ngspring.evolution.steprule`). The functional is
+# the same.
 
 # %%
 orders = (test.first_order, test.second_order)
