@@ -116,7 +116,7 @@ class Row:
         """
         plain: dict[str, Any] = {name: columns[name] for name in _KNOWN if name in columns}
         whole = {name: int(plain.pop(name)) for name in _WHOLE if name in plain}
-        count = sum(_OF_POINT.fullmatch(name) is not None for name in columns) // 2
+        of_q, of_C_q = (_numbered(prefix, columns) for prefix in ("q", "C_q"))
         return cls(
             **{"update": 0, **whole},
             **plain,
@@ -125,9 +125,17 @@ class Row:
                 for name, value in columns.items()
                 if name not in _KNOWN and not _OF_POINT.fullmatch(name)
             },
-            C_q=tuple(columns[f"C_q{j + 1}"] for j in range(count)),
-            q=tuple(columns[f"q{j + 1}"] for j in range(count)),
+            C_q=of_C_q,
+            q=of_q,
         )
+
+
+def _numbered(prefix: str, columns: Mapping[str, float]) -> tuple[float, ...]:
+    """The columns prefix1, prefix2, ..., as many as there are."""
+    values: list[float] = []
+    while (name := f"{prefix}{len(values) + 1}") in columns:
+        values.append(columns[name])
+    return tuple(values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from collections.abc import Iterator
 import ngsolve as ng
 import numpy as np
 
-from ngspring.basics.errors import ConvergenceError
+from ngspring.basics.checks import positive_number
+from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row
 from ngspring.evolution.branches import path_from_rest
@@ -25,7 +26,7 @@ from ngspring.evolution.leaps import make_stepper
 from ngspring.evolution.stepping import Past, Stepper
 from ngspring.evolution.steprule import LeapRule, Rule
 from ngspring.evolution.updates import Result, Update
-from ngspring.fem.process import parallel
+from ngspring.fem.process import checked_threads, parallel
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.start import Start, initial_state, start_design
 from ngspring.kkt.system import CoupledSystem, State
@@ -52,9 +53,15 @@ class Evolution:
         Why it ended without a stationary design; empty otherwise.
     """
 
+    _checkpoint: Checkpoint
+    _state: State
+
     def __init__(
         self,
         problem: SpringProblem,
+        start: Start | None,
+        dt_initial: float | None,
+        start_name: str | None,
         rule: Rule,
         newton: NewtonSettings,
         solver: str,
@@ -63,6 +70,8 @@ class Evolution:
         self.problem = problem
         self.over = False
         self.message = ""
+        self._initial, self._dt_initial = start, dt_initial
+        self._start = start_name or ("column" if start is None else "given")
         self._rule, self._newton = rule, newton
         self._solver, self._threads = solver, threads
         self._unit = time_unit(problem)
@@ -71,23 +80,29 @@ class Evolution:
         self._rows: list[Row] = []
         self._rejected = self._rejected_iterations = 0
         self._ended: dict[str, object] = {}
-        self._seconds_before = 0.0
-        self._clock = time.perf_counter()
+        self._seconds = 0.0
 
     # -- beginning -----------------------------------------------------------------------------
 
-    def begin(self, initial: Start | None, dt_initial: float | None, name: str | None) -> None:
-        """Start from a design."""
-        self._initial, self._dt_initial = initial, dt_initial
-        self._start = name or ("column" if initial is None else "given")
-
     def continue_from(self, checkpoint: Checkpoint) -> None:
-        """Take up what a checkpoint holds."""
+        """Take up what a checkpoint holds.
+
+        Raises
+        ------
+        ProblemError
+            If it is another problem's.
+        """
+        if checkpoint.problem != self.problem:
+            raise ProblemError(
+                "the checkpoint to resume from belongs to another problem"
+                f" ({checkpoint.problem.name or 'no name'}, {checkpoint.problem.elements} elements)"
+            )
         self._state, self._previous = checkpoint.state, checkpoint.previous
         self._dt, self._dt_previous = checkpoint.dt, checkpoint.dt_previous
         self._rows = checkpoint.history.rows()
         self._start = checkpoint.start
-        self._seconds_before = self._rows[-1].seconds
+        self._seconds = self._rows[-1].seconds
+        self._checkpoint = checkpoint
         self.over = self._rows[-1].is_end
 
     def _set_up(self, threads: int) -> Update:
@@ -106,7 +121,11 @@ class Evolution:
     # -- loop ----------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Update]:
+        # Why an earlier loop was left is of no importance to one that goes on.
+        if not self.over:
+            self.message, self._ended = "", {}
         with parallel(self._threads) as count:
+            self._clock = time.perf_counter()
             if self._stepper is None:
                 yield self._set_up(count)
             while not self.over:
@@ -215,7 +234,7 @@ class Evolution:
             "rejected_iterations": self._rejected_iterations,
             "leap": 0.0 if outcome is None else outcome.leap,
             "width": width,
-            "seconds": self._seconds_before + time.perf_counter() - self._clock,
+            "seconds": self._elapsed(),
         }
         return Row.from_columns(numbers)
 
@@ -225,7 +244,16 @@ class Evolution:
             logger.info("update %d: dt %.1e, C %.6e", row.update, dt, row.C)
         else:
             logger.info("dt %.1e rejected: %s", dt, reason)
-        return Update(accepted, row, dt, reason, self.design, self.checkpoint, resumed)
+        if accepted and not resumed:
+            self._checkpoint = self._standing()
+        return Update(accepted, row, dt, reason, self.design, self._checkpoint, resumed)
+
+    def _elapsed(self) -> float:
+        """Seconds up to now, without those while no loop was going on."""
+        now = time.perf_counter()
+        self._seconds += now - self._clock
+        self._clock = now
+        return self._seconds
 
     @property
     def history(self) -> History:
@@ -245,9 +273,7 @@ class Evolution:
         shape = self.problem.coefficient_shape
         return Design(self.problem, self._state.chi.reshape(shape), self.history, info)
 
-    @property
-    def checkpoint(self) -> Checkpoint:
-        """All that is needed to continue from the last accepted update, see `evolve`."""
+    def _standing(self) -> Checkpoint:
         return Checkpoint(
             self.problem,
             self._state,
@@ -257,6 +283,11 @@ class Evolution:
             self.history,
             self._start,
         )
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """All that is needed to continue from the last accepted update, see `evolve`."""
+        return self._checkpoint
 
     @property
     def result(self) -> Result:
@@ -305,7 +336,7 @@ def evolve(
         While it is iterated, if the initial design's load paths cannot be followed to the control
         points.
     ProblemError
-        If the start is no design, or the solver is unknown.
+        If the start is no design, the solver is unknown, or ``resume_from`` is another problem's.
 
     Examples
     --------
@@ -316,9 +347,19 @@ def evolve(
     ...         break
     >>> evolution.result.design.save("halfway.npz")  # doctest: +SKIP
     """
-    evolution = Evolution(problem, rule or LeapRule(), newton or NewtonSettings(), solver, threads)
-    if resume_from is None:
-        evolution.begin(initial, dt_initial, start_name)
-    else:
+    if dt_initial is not None:
+        positive_number("dt_initial", dt_initial)
+    checked_threads(threads)
+    evolution = Evolution(
+        problem,
+        initial,
+        dt_initial,
+        start_name,
+        rule or LeapRule(),
+        newton or NewtonSettings(),
+        solver,
+        threads,
+    )
+    if resume_from is not None:
         evolution.continue_from(resume_from)
     return evolution

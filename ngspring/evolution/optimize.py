@@ -7,9 +7,7 @@ import numbers
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from ngspring.basics.checks import shown
+from ngspring.basics.checks import positive_number, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
 from ngspring.evolution.checkpoint import Checkpoint
@@ -82,12 +80,12 @@ def optimize(
     ProblemError
         If an argument is not valid.
     """
-    if dt_initial is not None and not (_is_number(dt_initial) and 0 < dt_initial < np.inf):
-        raise ProblemError(f"dt_initial = {shown(dt_initial)} must be a positive number")
     if max_updates is not None and not (
         isinstance(max_updates, int) and _is_number(max_updates) and max_updates > 0
     ):
         raise ProblemError(f"max_updates = {shown(max_updates)} must be an integer of at least 1")
+    if dt_initial is not None:
+        positive_number("dt_initial", dt_initial)
     checked_threads(threads)
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")

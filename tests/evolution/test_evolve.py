@@ -9,6 +9,7 @@ import pytest
 
 import ngspring
 from ngspring import ControlPoint, SpringProblem, StepRule
+from ngspring.basics.errors import ProblemError
 from ngspring.design.history import History, Row
 
 SMALL = SpringProblem((ControlPoint(8.0, 2.0), ControlPoint(-8.0, -2.0)), elements=8, l_i=10.0)
@@ -61,6 +62,39 @@ def test_it_ends_by_itself_at_the_stationary_point() -> None:
     assert evolution.result.converged
     assert evolution.result.design.info["converged"] is True
     assert list(evolution) == []
+
+
+def test_it_goes_on_from_the_last_accepted_update_even_after_a_rejected_one() -> None:
+    first = ngspring.evolve(SMALL, dt_initial=1e6, threads=1, rule=StepRule())
+    updates = []
+    for update in first:
+        updates.append(update)
+        if not update.accepted:
+            break
+    assert not updates[-1].accepted
+    assert first.checkpoint is updates[-1].checkpoint is updates[-2].checkpoint
+    again = iter(ngspring.evolve(SMALL, resume_from=first.checkpoint, threads=1, rule=StepRule()))
+    assert next(again).resumed
+    assert next(again).dt == updates[-1].dt
+
+
+def test_arguments_are_checked_before_anything_is_computed() -> None:
+    for dt in (-1.0, 0.0, float("nan"), "1"):
+        with pytest.raises(ProblemError, match="dt_initial"):
+            ngspring.evolve(SMALL, dt_initial=dt)  # type: ignore[arg-type]
+    first = next(iter(ngspring.evolve(SMALL, threads=1)))
+    with pytest.raises(ProblemError, match="another problem"):
+        ngspring.evolve(SMALL.replace(l_i=12.0), resume_from=first.checkpoint)
+
+
+def test_a_pause_is_no_end() -> None:
+    evolution = ngspring.evolve(SMALL, threads=1, rule=StepRule())
+    next(iter(evolution))
+    evolution.stop("a pause")
+    *_, last = evolution
+    assert last.row.is_end
+    assert evolution.message == ""
+    assert "stopped" not in evolution.result.design.info
 
 
 def test_why_a_loop_was_left_is_a_note_of_the_design() -> None:

@@ -31,9 +31,8 @@ def test_neo_hooke_has_the_stresses_of_eq_17(a: float, b: float, c: float) -> No
         assert stress * stretch == pytest.approx(kirchhoff, rel=1e-10, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_the_initial_moduli_are_those_of_the_energy(name: str) -> None:
-    law = LAWS[name](K=2.0, G=0.7)  # type: ignore[call-arg]
+def test_the_initial_moduli_are_those_of_the_energy() -> None:
+    law = LAWS["neo-hooke"](K=2.0, G=0.7)  # type: ignore[call-arg]
     K, G = law.initial_moduli
     e = 1e-6
     volumetric = principal_stresses(law, 1 + e, 1 + e, 1 + e)[0]

@@ -14,7 +14,6 @@ from ngspring.design.design import Design
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.updates import Result
 from ngspring.problem.cases import cases
-from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import (
     force_unit,
@@ -97,7 +96,6 @@ def test_every_weight_and_length_scale_must_change_with_the_size(
     assert np.abs(difference).max() > 1e-3
 
 
-@pytest.mark.parametrize("kinematics", list(KINEMATICS))
 def test_from_millimetres_to_metres_forces_stay_in_newtons(kinematics: str) -> None:
     problem = SPRINGS[kinematics]
     in_metres = scaled(problem, length=1e-3, stress=1e6)
