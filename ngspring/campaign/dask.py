@@ -11,14 +11,13 @@ import importlib
 import threading
 import uuid
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ngspring.basics.errors import ProblemError
-from ngspring.campaign.local import FAILED, News, Outcome, execute
+from ngspring.campaign.outcome import FAILED, Outcome
 from ngspring.campaign.plan import Run
-
-if TYPE_CHECKING:
-    from ngspring.evolution.updates import Update
+from ngspring.campaign.workers import News, execute, one_line
+from ngspring.evolution.updates import Update
 
 SECONDS_TO_CONNECT = 10
 
@@ -77,7 +76,7 @@ class DaskWorkers:
             # Cancelled futures raise what is not an Exception; Ctrl-C must go through.
             if isinstance(error, KeyboardInterrupt | SystemExit):
                 raise
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            reason = one_line(f"{type(error).__name__}: {error}")
             outcome = Outcome(run, FAILED, reason)
         return [outcome]
 

@@ -1,4 +1,4 @@
-"""The table of a campaign's runs: on the terminal, as CSV and as JSON."""
+"""The table of a campaign's runs, as CSV and as JSON."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from ngspring.basics.files import write_text
-from ngspring.campaign.local import Outcome
-from ngspring.view.text import duration, width_symbol
+from ngspring.campaign.outcome import Outcome
+from ngspring.view.text import width_symbol
 
 RESULTS_CSV = "results.csv"
 RESULTS_JSON = "results.json"
@@ -68,38 +66,3 @@ def write_results(outcomes: Sequence[Outcome], out: Path) -> None:
     write_text(out / RESULTS_CSV, results_csv(outcomes))
     text = json.dumps([record(outcome) for outcome in outcomes], indent=1)
     write_text(out / RESULTS_JSON, text + "\n")
-
-
-def results_table(outcomes: Iterable[Outcome]) -> Table:
-    """The same for the terminal."""
-    table = Table()
-    for column in ("run", "status"):
-        table.add_column(column, overflow="fold")
-    for column in ("q/target [N]", "deviation", "W/H or D/H", "updates", "Newton", "time"):
-        table.add_column(column, justify="right", no_wrap=True)
-    for column in ("start", "message"):
-        table.add_column(column, overflow="fold")
-
-    def whole(value: int | None) -> str:
-        return "" if value is None else str(value)
-
-    for outcome in outcomes:
-        points = outcome.run.problem.control_points[: len(outcome.q)]
-        forces = [
-            f"{q:.4f}/{point.q:g}" + (" (η)" if point.eta else "")
-            for q, point in zip(outcome.q, points, strict=True)
-        ]
-        worst = outcome.worst_deviation
-        table.add_row(
-            outcome.run.name,
-            outcome.status,
-            "\n".join(forces),
-            "" if worst is None else f"{100 * worst:.3f} %",
-            "" if outcome.width is None else f"{outcome.width:.4f}",
-            whole(outcome.updates),
-            whole(outcome.newton_iterations),
-            "" if outcome.seconds is None else duration(outcome.seconds),
-            outcome.start,
-            outcome.message,
-        )
-    return table

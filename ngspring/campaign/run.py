@@ -5,26 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import DesignFileError, ProblemError
 from ngspring.basics.files import PathLike
-from ngspring.campaign.local import (
-    FAILED,
-    INTERRUPTED,
-    SKIPPED,
-    Death,
-    LocalWorkers,
-    News,
-    Outcome,
-    finished,
-)
+from ngspring.campaign.dask import DaskWorkers
+from ngspring.campaign.local import LocalWorkers
+from ngspring.campaign.outcome import FAILED, INTERRUPTED, SKIPPED, Outcome, finished
 from ngspring.campaign.plan import Campaign, Run
 from ngspring.campaign.results import write_results
-
-if TYPE_CHECKING:
-    from ngspring.evolution.updates import Update
+from ngspring.campaign.workers import Death, Workers
+from ngspring.evolution.folder import CHECKPOINT, locked, read_design
+from ngspring.evolution.updates import Update
+from ngspring.fem.process import available
 
 DEATHS = 3
 
@@ -55,23 +48,6 @@ class Event:
 
 
 CampaignObserver = Callable[[Event], None]
-
-
-class Workers(Protocol):
-    """Where runs are computed."""
-
-    @property
-    def full(self) -> bool:
-        """Whether a further run has to wait."""
-
-    def start(self, run: Run) -> None:
-        """Begin or continue a run."""
-
-    def news(self) -> list[News]:
-        """Wait until something happens, and return it."""
-
-    def stop(self) -> None:
-        """Stop all runs."""
 
 
 def run_campaign(
@@ -120,9 +96,6 @@ def run_campaign(
     KeyboardInterrupt
         After Ctrl-C, once every worker has stopped; the same call resumes.
     """
-    from ngspring.evolution.folder import locked
-    from ngspring.fem.process import available
-
     for name, value in (("workers", workers), ("threads", threads)):
         right = value is None or (isinstance(value, int) and not isinstance(value, bool))
         if not right or (value is not None and value < 1):
@@ -135,13 +108,11 @@ def run_campaign(
         loop.take_finished()
         loop.check_designs()
         if loop.waiting:
-            pool: Workers
-            if scheduler is None:
-                pool = LocalWorkers(workers or max(1, available() // threads), threads, folder)
-            else:
-                from ngspring.campaign.dask import DaskWorkers
-
-                pool = DaskWorkers(scheduler, threads, folder)
+            pool: Workers = (
+                LocalWorkers(workers or max(1, available() // threads), threads, folder)
+                if scheduler is None
+                else DaskWorkers(scheduler, threads, folder)
+            )
             try:
                 loop.work(pool)
             finally:
@@ -174,8 +145,6 @@ class _Loop:
 
     def check_designs(self) -> None:
         """Complain about the designs to start from before anything is computed."""
-        from ngspring.evolution.folder import CHECKPOINT, read_design
-
         for run in self.waiting:
             if run.design is not None and not (self.out / run.name / CHECKPOINT).exists():
                 try:

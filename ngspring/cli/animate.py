@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from ngspring.analysis.response import load_displacement
 from ngspring.basics.errors import DesignFileError
 from ngspring.cli.arguments import displacements_between
-from ngspring.cli.options import NOT_CONVERGED, threads_option
-from ngspring.evolution.folder import read_design
-
-if TYPE_CHECKING:
-    from ngspring.design.snapshots import Snapshots
+from ngspring.cli.options import OK, incomplete, threads_option
+from ngspring.design.gallery import gallery
+from ngspring.design.snapshots import Snapshots
+from ngspring.evolution.folder import DESIGN, SNAPSHOTS, read_design
+from ngspring.view.animation import animate_deformation, animate_evolution, check_film
 
 KINDS = ("deformation", "evolution")
 
 
-@click.command("animate", short_help="Film of a design's deformation or evolution.")
+@click.command("animate")
 @click.argument("name", metavar="DESIGN|RUN")
 @click.option(
     "--kind",
@@ -60,8 +60,6 @@ def animate_command(
     stored one. The evolution needs the snapshots of a run: its folder, a snapshots.npz, or the
     name of a stored design that has them.
     """
-    from ngspring.view.animation import animate_deformation, animate_evolution, check_film
-
     if kind == "evolution":
         if low is not None or high is not None:
             raise click.UsageError("--from and --to belong to --kind deformation")
@@ -69,9 +67,7 @@ def animate_command(
         film = _film(path, kind) if out is None else out
         animate_evolution(snapshots, film, fps)
         click.echo(f"film: {film}")
-        return 0
-
-    from ngspring.analysis.response import load_displacement
+        return OK
 
     design, path = read_design(name)
     film = _film(path, kind) if out is None else out
@@ -81,16 +77,11 @@ def animate_command(
     response = load_displacement(design, displacements, "quarter", threads=threads)
     animate_deformation(design, response, film, 12.0 if fps is None else fps)
     click.echo(f"film: {film}")
-    if not response.complete:
-        click.echo(f"incomplete: {response.message}", err=True)
-        return NOT_CONVERGED
-    return 0
+    return OK if response.complete else incomplete(response.message)
 
 
 def _film(path: Path, kind: str) -> Path:
     """Name of a film: in a run folder its kind is enough."""
-    from ngspring.evolution.folder import DESIGN, SNAPSHOTS
-
     stem = kind if path.name in (DESIGN, SNAPSHOTS) else f"{path.stem}-{kind}"
     return path.with_name(f"{stem}.gif")
 
@@ -103,10 +94,6 @@ def read_snapshots(text: str) -> tuple[Snapshots, Path]:
     DesignFileError
         If there are none, or they cannot be read.
     """
-    from ngspring.design.gallery import gallery
-    from ngspring.design.snapshots import Snapshots
-    from ngspring.evolution.folder import SNAPSHOTS
-
     path = Path(text)
     if path.is_dir():
         path = path / SNAPSHOTS

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import shlex
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from ngspring.analysis.states import curve_displacements
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
-from ngspring.basics.errors import DesignFileError, ProblemError, RunFolderError
+from ngspring.basics.errors import ProblemError, RunFolderError
+from ngspring.design.design import Design
 from ngspring.problem.cases import cases, get_case
 from ngspring.problem.spring import SpringProblem
-
-if TYPE_CHECKING:
-    from ngspring.basics.arrays import FloatArray
-    from ngspring.design.design import Design
-
 
 #: How the names of files with curves end.
 _CURVES = (".csv", ".tsv", ".svg")
@@ -44,33 +41,6 @@ def read_problem(text: str) -> tuple[SpringProblem, str]:
     return problem, problem.name
 
 
-def read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, str]:
-    """The design to start from, and its name for the notes.
-
-    Raises
-    ------
-    DesignFileError
-        If a design is named that cannot be read.
-    """
-    from ngspring.design.design import Design
-    from ngspring.design.gallery import UnknownDesignError, gallery
-    from ngspring.evolution.folder import read_design
-
-    if text == "column":
-        return Design.column(problem), text
-    if text == "random":
-        return Design.random(problem, seed), f"random, seed {seed}"
-    try:
-        return read_design(text)[0], f"design {text}"
-    except UnknownDesignError:
-        close = difflib.get_close_matches(text, ("column", "random", *gallery), n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise DesignFileError(
-            f"there is no stored design {shown(text)} for --initial{hint}: it must be column,"
-            " random, a design's file or run folder, or the name of a stored design"
-        ) from None
-
-
 def displacements_between(
     design: Design, low: float | None = None, high: float | None = None, points: int = 41
 ) -> FloatArray:
@@ -81,8 +51,6 @@ def displacements_between(
     ProblemError
         If an end is not a finite number.
     """
-    from ngspring.analysis.states import curve_displacements
-
     for option, value in (("--from", low), ("--to", high)):
         if value is not None and not math.isfinite(value):
             raise ProblemError(f"{option} {value} must be a finite number")
@@ -101,3 +69,25 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(f"cannot make the folder {folder}: {error.strerror}") from error
+
+
+def results_folder(path: Path, out: Path | None) -> Path:
+    """The folder of a design's file, or the one that is asked for instead, which is made.
+
+    Raises
+    ------
+    RunFolderError
+        If that cannot be done.
+    """
+    folder = path.parent if out is None else out
+    make_folder(folder)
+    return folder
+
+
+def command_line(words: Iterable[str], options: Mapping[str, object]) -> str:
+    """A command of ngspring for the user's shell, without the options that are None or False."""
+    texts: list[object] = ["ngspring", *words]
+    for option, value in options.items():
+        if value is not None and value is not False:
+            texts += [option] if value is True else [option, value]
+    return shlex.join(map(str, texts))

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.table import Table
 
+from ngspring.campaign.outcome import Outcome
+from ngspring.campaign.plan import read_campaign
+from ngspring.campaign.results import RESULTS_CSV, RESULTS_JSON
+from ngspring.campaign.run import Event, run_campaign
+from ngspring.cli.arguments import command_line
 from ngspring.cli.options import INTERRUPTED, NOT_CONVERGED, OK
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-    from ngspring.campaign.local import Outcome
-    from ngspring.campaign.run import CampaignObserver, Event
+from ngspring.cli.progress import live_or_lines, plain_line
+from ngspring.cli.tables import make_console, new_table
+from ngspring.view.text import duration
 
 
-@click.command("campaign", short_help="Compute the runs listed in a TOML file.")
+@click.command("campaign")
 @click.argument("file", metavar="FILE.toml", type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of all runs; runs/FILE by default."
@@ -50,11 +49,6 @@ def campaign_command(
     The same command again resumes what was stopped, repeats what failed, and leaves alone what is
     finished. Exit code 3 if not all runs converged.
     """
-    from ngspring.campaign.plan import read_campaign
-    from ngspring.campaign.results import RESULTS_CSV, RESULTS_JSON, results_table
-    from ngspring.campaign.run import run_campaign
-    from ngspring.cli.tables import make_console
-
     campaign = read_campaign(file)
     folder = Path("runs", file.stem) if out is None else out
     console = make_console()
@@ -64,25 +58,27 @@ def campaign_command(
         if event.outcome is not None:
             ended[event.run.name] = event.outcome
 
-    again = ["ngspring", "campaign", str(file), "--out", str(folder)]
-    for option, value in (("--workers", workers), ("--scheduler", scheduler)):
-        again += [] if value is None else [option, str(value)]
-    again += [] if threads == 1 else ["--threads", str(threads)]
     try:
-        with _shown(console, len(campaign.runs)) as observer:
+        with live_or_lines(console, _Board(len(campaign.runs)), _tell) as observer:
             run_campaign(campaign, folder, workers, threads, scheduler, (collect, observer))
     except KeyboardInterrupt:
-        click.echo(
-            f"interrupted with {len(ended)} of {len(campaign.runs)} runs ended; resume with:"
-            f" {shlex.join(again)}",
-            err=True,
+        again = command_line(
+            ("campaign", str(file)),
+            {
+                "--out": folder,
+                "--workers": workers,
+                "--scheduler": scheduler,
+                "--threads": None if threads == 1 else threads,
+            },
         )
+        ends = f"{len(ended)} of {len(campaign.runs)} runs ended"
+        click.echo(f"interrupted with {ends}; resume with: {again}", err=True)
         return INTERRUPTED
     finally:
         # Also where the results cannot be written.
         outcomes = [ended[run.name] for run in campaign.runs if run.name in ended]
         if outcomes:
-            console.print(results_table(outcomes))
+            console.print(_results_table(outcomes))
     click.echo(f"files in {folder}: {RESULTS_CSV}, {RESULTS_JSON}, and a folder for each run")
     missed = sum(not outcome.converged for outcome in outcomes)
     if missed:
@@ -90,22 +86,7 @@ def campaign_command(
     return NOT_CONVERGED if missed else OK
 
 
-@contextmanager
-def _shown(console: Console, count: int) -> Iterator[CampaignObserver]:
-    """An observer: a live table of what is computed on a terminal, plain lines elsewhere."""
-    if not console.is_terminal:
-        yield _tell
-        return
-    from rich.live import Live
-
-    board = _Board(count)
-    with Live(board, console=console, refresh_per_second=4, transient=True):
-        yield board
-
-
 def _tell(event: Event) -> None:
-    from ngspring.cli.progress import plain_line
-
     if event.update is not None:
         line = plain_line(event.update, event.run.problem)
     elif event.outcome is not None:
@@ -132,13 +113,9 @@ class _Board:
             self._last[event.run.name] = event
 
     def __rich__(self) -> Table:
-        from rich.table import Table
-
-        from ngspring.view.text import duration
-
-        table = Table(title=f"{self._ended} of {self._count} runs ended")
-        for column in ("run", "update", "dt", "Newton", "C", "W/H or D/H", "elapsed"):
-            table.add_column(column, justify="left" if column == "run" else "right")
+        columns = ("run", "update", "dt", "Newton", "C", "W/H or D/H", "elapsed")
+        title = f"{self._ended} of {self._count} runs ended"
+        table = new_table(*columns, texts=("run",), title=title)
         for name, event in list(self._last.items()):
             if event.update is None:
                 table.add_row(name, event.kind)
@@ -154,3 +131,38 @@ class _Board:
                 duration(row.seconds),
             )
         return table
+
+
+def _results_table(outcomes: Iterable[Outcome]) -> Table:
+    """What is written into results.csv, for people."""
+    table = Table()
+    for column in ("run", "status"):
+        table.add_column(column, overflow="fold")
+    for column in ("q/target [N]", "deviation", "W/H or D/H", "updates", "Newton", "time"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for column in ("start", "message"):
+        table.add_column(column, overflow="fold")
+
+    def whole(value: int | None) -> str:
+        return "" if value is None else str(value)
+
+    for outcome in outcomes:
+        points = outcome.run.problem.control_points[: len(outcome.q)]
+        forces = [
+            f"{q:.4f}/{point.q:g}" + (" (η)" if point.eta else "")
+            for q, point in zip(outcome.q, points, strict=True)
+        ]
+        worst = outcome.worst_deviation
+        table.add_row(
+            outcome.run.name,
+            outcome.status,
+            "\n".join(forces),
+            "" if worst is None else f"{100 * worst:.3f} %",
+            "" if outcome.width is None else f"{outcome.width:.4f}",
+            whole(outcome.updates),
+            whole(outcome.newton_iterations),
+            "" if outcome.seconds is None else duration(outcome.seconds),
+            outcome.start,
+            outcome.message,
+        )
+    return table

@@ -1,47 +1,73 @@
 """The command line, ``ngspring``.
 
-Modules that need NGSolve or matplotlib are imported inside the commands that use them, so that
-``ngspring --help`` and ``ngspring cases`` answer at once.
+A command's module is imported when that command is wanted, so that ``ngspring --help`` answers at
+once and the modules import what they need at their top.
 """
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import logging
 import signal
 import sys
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import click
 
-from ngspring import __version__
 from ngspring.basics.errors import ConvergenceError, NgspringError
-from ngspring.cli.animate import animate_command
-from ngspring.cli.campaign import campaign_command
-from ngspring.cli.design import check_command, response_command, show_command
-from ngspring.cli.optimize import optimize_command
+from ngspring.basics.version import __version__
 from ngspring.cli.options import (
     BAD_INPUT,
     INTERRUPTED,
+    LOGGING,
     NOT_CONVERGED,
     OK,
     complain,
-    solver_option,
-    threads_option,
+    log_to,
 )
-from ngspring.cli.stability import stability_command
-from ngspring.cli.targets import materials_command, targets_command
-from ngspring.cli.verify import export_command, tolerance_command, verify_command
-from ngspring.cli.watch import watch_command
-from ngspring.problem.cases import cases
-from ngspring.problem.sector import DOMAINS
+
+#: Each command with its short help. The command ``name`` is ``name_command`` in ``name.py`` here.
+COMMANDS = {
+    "animate": "Film of a design's deformation or evolution.",
+    "bench": "Time a coupled Newton iteration here.",
+    "campaign": "Compute the runs listed in a TOML file.",
+    "cases": "List the cases of the paper, and which have a stored design.",
+    "check": "Check that designs are optimal and on target.",
+    "export": "Drawing, solid or mesh for a workshop.",
+    "materials": "List common elastomers with their hardness and Young's modulus.",
+    "optimize": "Design a spring for a case or a TOML file.",
+    "response": "Load-displacement curve of a design.",
+    "show": "Summary and picture of a design.",
+    "stability": "Does a design buckle out of its symmetry?",
+    "targets": "Check a target curve, and make a problem of it.",
+    "tolerance": "What moved surfaces do to the curve.",
+    "verify": "Remodel a design with real contact and compare.",
+    "watch": "Report of a run as an HTML file, while it goes on.",
+}
 
 
-class _Commands(click.Group):
-    """A group of commands whose errors are one line each, with the exit codes of this program."""
+class _LazyGroup(click.Group):
+    """The group of `COMMANDS`, whose errors are one line each, with the exit codes of this program.
+
+    After "Lazily Loading Subcommands" of click's documentation.
+    """
+
+    def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        command = super().get_command(context, name)
+        if command is not None and command.callback is None:
+            module = importlib.import_module(f"ngspring.cli.{name}")
+            command = getattr(module, f"{name}_command")
+            command.short_help = COMMANDS[name]
+            command.params.extend(LOGGING)
+            self.add_command(command)
+        return command
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(COMMANDS.items()))
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         kwargs["standalone_mode"] = False
@@ -82,63 +108,8 @@ def _terminated_as_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-class _StderrHandler(logging.Handler):
-    """Writes to what is the standard error now: the live table replaces it while it is shown."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        print(self.format(record), file=sys.stderr)
-
-
-def _log_to(context: click.Context, handler: logging.Handler) -> None:
-    """Let a handler have what is logged until the program ends."""
-    logger = logging.getLogger("ngspring")
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logger.addHandler(handler)
-
-    def stop() -> None:
-        logger.removeHandler(handler)
-        handler.close()
-
-    context.find_root().call_on_close(stop)
-
-
-def _verbose(context: click.Context, _: click.Parameter, value: bool) -> None:
-    # Once, if it stands both before and after the command, which share what is in meta.
-    if value and "verbose" not in context.meta:
-        context.meta["verbose"] = True
-        _log_to(context, _StderrHandler())
-
-
-def _log_file(context: click.Context, _: click.Parameter, value: Path | None) -> None:
-    if value is None:
-        return
-    try:
-        _log_to(context, logging.FileHandler(value, encoding="utf-8"))
-    except OSError as error:
-        raise NgspringError(f"cannot write the log file {value}: {error.strerror}") from error
-
-
-#: They may stand before a command or among its options.
-_LOGGING = (
-    click.Option(
-        ["-v", "--verbose"],
-        is_flag=True,
-        expose_value=False,
-        callback=_verbose,
-        help="Say on stderr what goes on inside.",
-    ),
-    click.Option(
-        ["--log-file"],
-        type=click.Path(path_type=Path),
-        expose_value=False,
-        callback=_log_file,
-        help="Write the same into a file.",
-    ),
-)
-
-
 @click.group(
-    cls=_Commands, invoke_without_command=True, context_settings={"max_content_width": 100}
+    cls=_LazyGroup, invoke_without_command=True, context_settings={"max_content_width": 100}
 )
 @click.version_option(__version__, prog_name="ngspring", message="%(prog)s %(version)s")
 @click.pass_context
@@ -153,66 +124,15 @@ def cli(context: click.Context) -> None:
     logger.setLevel(logging.INFO)
     context.call_on_close(lambda: logger.setLevel(level))
     # Without any handler Python would print warnings that the commands report themselves.
-    _log_to(context, logging.NullHandler())
+    log_to(context, logging.NullHandler())
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
 
-# -- commands --------------------------------------------------------------------------------------
-
-
-@cli.command("cases")
-def show_cases() -> None:
-    """List the cases of the paper, and which have a stored design."""
-    from ngspring.cli.tables import cases_table, make_console
-    from ngspring.design.gallery import gallery
-
-    make_console().print(cases_table(cases, list(gallery)))
-
-
-@cli.command("bench", short_help="Time a coupled Newton iteration here.")
-@click.option("--elements", type=int, default=80, show_default=True)
-@click.option("--domain", type=click.Choice(list(DOMAINS)), default="quarter", show_default=True)
-@click.option("--control-points", type=int, default=3, show_default=True)
-@threads_option
-@solver_option
-@click.option("--repeat", type=click.IntRange(min=1), default=5, show_default=True)
-def bench_command(
-    elements: int,
-    domain: str,
-    control_points: int,
-    threads: int | None,
-    solver: str,
-    repeat: int,
-) -> int:
-    """Time the parts of a coupled Newton iteration on this machine."""
-    from ngspring.cli.tables import bench_table, make_console
-    from ngspring.kkt.bench import bench_problem, benchmark
-
-    problem = bench_problem(elements, control_points, domain)
-    result = benchmark(problem, threads=threads, solver=solver, repeat=repeat)
-    make_console().print(bench_table(problem, result))
-    return OK
-
-
-for _command in (
-    optimize_command,
-    response_command,
-    show_command,
-    check_command,
-    materials_command,
-    targets_command,
-    campaign_command,
-    stability_command,
-    verify_command,
-    tolerance_command,
-    export_command,
-    watch_command,
-    animate_command,
-):
-    cli.add_command(_command)
-for _command in (cli, *cli.commands.values()):
-    _command.params.extend(_LOGGING)
+cli.params.extend(LOGGING)
+for _name, _help in COMMANDS.items():
+    # Known by name, for click's suggestions; the group puts the real one in its place.
+    cli.add_command(click.Command(_name, short_help=_help))
 
 
 def main() -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import shlex
+import difflib
 from pathlib import Path
 
 import click
 
-from ngspring.basics.errors import NgspringError
-from ngspring.cli.arguments import read_problem, read_start
+from ngspring.basics.checks import shown
+from ngspring.basics.errors import DesignFileError, NgspringError, ProblemError
+from ngspring.cli.arguments import command_line, read_problem
 from ngspring.cli.options import (
     INTERRUPTED,
     NOT_CONVERGED,
@@ -19,11 +20,21 @@ from ngspring.cli.options import (
     solver_option,
     threads_option,
 )
-from ngspring.cli.targets import refuse_implausible
+from ngspring.cli.progress import shown_progress
+from ngspring.cli.tables import design_lines, make_console, points_table
+from ngspring.design.design import Design
+from ngspring.design.gallery import UnknownDesignError, gallery
+from ngspring.evolution.folder import CHECKPOINT, locked, read_design
+from ngspring.evolution.optimize import optimize
+from ngspring.evolution.runstate import read_run
 from ngspring.problem.scaling import on_mesh
+from ngspring.problem.spring import SpringProblem
+from ngspring.problem.targets.plausibility import check_targets
+from ngspring.view.report import REPORT, ReportWriter, write_report
+from ngspring.view.run_files import write_pictures
 
 
-@click.command("optimize", short_help="Design a spring for a case or a TOML file.")
+@click.command("optimize")
 @click.argument("case", metavar="CASE|FILE.toml")
 @click.option(
     "--elements",
@@ -87,26 +98,10 @@ def optimize_command(
         raise click.UsageError("--seed belongs to --initial random")
     folder = Path("runs", name) if out is None else out
     if not resume:
-        refuse_implausible(problem, anyway)
-
-    from ngspring.cli.progress import shown_progress
-    from ngspring.cli.tables import design_lines, make_console, points_table
-    from ngspring.evolution.folder import CHECKPOINT, locked
-    from ngspring.evolution.optimize import optimize
-    from ngspring.evolution.runstate import read_run
-    from ngspring.view.report import REPORT, ReportWriter, write_report
-    from ngspring.view.run_files import write_pictures
-
-    if resume and not (folder / CHECKPOINT).exists():
+        _refuse_implausible(problem, anyway)
+    elif not (folder / CHECKPOINT).exists():
         click.echo(f"there is no run in {folder} yet: it begins", err=True)
-    start, start_name = read_start(problem, initial, seed or 0)
-    options: list[tuple[str, object]]
-    options = [("--elements", elements), ("--domain", domain), ("--threads", threads)]
-    options += [("--max-updates", max_updates), ("--out", folder)]
-    again = ["ngspring", "optimize", case]
-    again += [text for key, value in options if value is not None for text in (key, str(value))]
-    again += ([] if solver == "auto" else ["--solver", solver]) + ["--report"] * report
-    again.append("--resume")
+    start, start_name = _read_start(problem, initial, seed or 0)
     writers = (ReportWriter(folder / REPORT),) if report else ()
     try:
         with shown_progress(problem, make_console()) as observer:
@@ -130,11 +125,21 @@ def optimize_command(
             return complain("interrupted before there was anything to save", INTERRUPTED)
         with contextlib.suppress(NgspringError):
             write_report(read_run(folder), folder / REPORT)
-        click.echo(
-            f"interrupted: the last accepted design is saved in {folder}; resume with:"
-            f" {shlex.join(again)}",
-            err=True,
+        again = command_line(
+            ("optimize", case),
+            {
+                "--elements": elements,
+                "--domain": domain,
+                "--threads": threads,
+                "--max-updates": max_updates,
+                "--out": folder,
+                "--solver": None if solver == "auto" else solver,
+                "--report": report,
+                "--resume": True,
+            },
         )
+        where = f"the last accepted design is saved in {folder}"
+        click.echo(f"interrupted: {where}; resume with: {again}", err=True)
         return INTERRUPTED
     make_console().print(points_table(problem, [float(q) for q in result.q]))
     for line in [*design_lines(result.design), *lines]:
@@ -144,3 +149,43 @@ def optimize_command(
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1
     return OK if max_updates is not None and updates >= max_updates else NOT_CONVERGED
+
+
+def _refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
+    """Say on stderr what is doubtful about a problem, and refuse what cannot be met.
+
+    Raises
+    ------
+    ProblemError
+        If there is an error and not ``anyway``.
+    """
+    findings = check_targets(problem)
+    errors = [finding.message for finding in findings if finding.level == "error"]
+    if errors and not anyway:
+        raise ProblemError(f"{'; '.join(errors)}. To try nevertheless: --anyway")
+    for finding in findings:
+        if finding.level != "note":
+            click.echo(f"ngspring: warning: {finding.message}", err=True)
+
+
+def _read_start(problem: SpringProblem, text: str, seed: int) -> tuple[Design, str]:
+    """The design to start from, and its name for the notes.
+
+    Raises
+    ------
+    DesignFileError
+        If a design is named that cannot be read.
+    """
+    if text == "column":
+        return Design.column(problem), text
+    if text == "random":
+        return Design.random(problem, seed), f"random, seed {seed}"
+    try:
+        return read_design(text)[0], f"design {text}"
+    except UnknownDesignError:
+        close = difflib.get_close_matches(text, ("column", "random", *gallery), n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise DesignFileError(
+            f"there is no stored design {shown(text)} for --initial{hint}: it must be column,"
+            " random, a design's file or run folder, or the name of a stored design"
+        ) from None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol, TypeVar
 
 import click
 from rich.console import Console
@@ -13,11 +13,11 @@ from rich.live import Live
 from rich.table import Table
 
 from ngspring.design.history import Row
+from ngspring.evolution.updates import Observer, Update
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.text import deviation, duration, point_label, width_symbol
 
-if TYPE_CHECKING:
-    from ngspring.evolution.updates import Observer, Update
+News = TypeVar("News", contravariant=True)
 
 
 def plain_line(update: Update, problem: SpringProblem) -> str:
@@ -78,16 +78,30 @@ class LiveTable:
         return table
 
 
-@contextmanager
-def shown_progress(problem: SpringProblem, console: Console) -> Iterator[Observer]:
+def shown_progress(problem: SpringProblem, console: Console) -> AbstractContextManager[Observer]:
     """An observer for `ngspring.optimize`: a live table on a terminal, plain lines elsewhere."""
-    if console.is_terminal:
-        table = LiveTable(problem)
-        with Live(table, console=console, refresh_per_second=4, transient=True):
-            yield table
+    return live_or_lines(
+        console, LiveTable(problem), lambda update: click.echo(plain_line(update, problem))
+    )
+
+
+class Board(Protocol[News]):
+    """An observer that shows what it was told as a table."""
+
+    def __call__(self, news: News, /) -> None:
+        """Take in what happened."""
+
+    def __rich__(self) -> Table:
+        """What there is to see now."""
+
+
+@contextmanager
+def live_or_lines(
+    console: Console, board: Board[News], tell: Callable[[News], None]
+) -> Iterator[Callable[[News], None]]:
+    """The observer for this console: the board on a terminal, ``tell`` elsewhere."""
+    if not console.is_terminal:
+        yield tell
         return
-
-    def tell(update: Update) -> None:
-        click.echo(plain_line(update, problem))
-
-    yield tell
+    with Live(board, console=console, refresh_per_second=4, transient=True):
+        yield board

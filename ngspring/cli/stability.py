@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.table import Table
 
-from ngspring.cli.arguments import make_folder
-from ngspring.cli.options import NOT_CONVERGED, threads_option
+from ngspring.analysis.stability import Critical, Stability, stability
+from ngspring.analysis.states import curve_displacements
+from ngspring.cli.arguments import results_folder
+from ngspring.cli.options import OK, incomplete, points_option, threads_option
+from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ngspring.analysis.stability import Critical, Stability
+from ngspring.view.figure import save_figure
+from ngspring.view.stability import stability_figure
 
 PICTURE = "stability.png"
 
 
-@click.command("stability", short_help="Does a design buckle out of its symmetry?")
+@click.command("stability")
 @click.argument("name", metavar="DESIGN")
-@click.option(
-    "--points",
-    type=click.IntRange(min=2),
-    default=9,
-    show_default=True,
-    help="Displacements between the outermost control points (which are added, and zero).",
-)
+@points_option(9)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -41,12 +35,6 @@ def stability_command(name: str, points: int, out: Path | None, threads: int | N
     negative the spring leaves the symmetric path; the critical displacement is found and its mode
     is drawn. An unstable design is a result, not an error: the exit code is 0.
     """
-    from ngspring.analysis.stability import stability
-    from ngspring.analysis.states import curve_displacements
-    from ngspring.cli.tables import make_console
-    from ngspring.view.figure import save_figure
-    from ngspring.view.stability import stability_figure
-
     design, path = read_design(name)
     controls = [point.d for point in design.problem.control_points]
     displacements = sorted({0.0, *controls, *curve_displacements(design, points=points)})
@@ -54,24 +42,17 @@ def stability_command(name: str, points: int, out: Path | None, threads: int | N
     make_console().print(stability_table(outcome))
     for line in stability_lines(outcome):
         click.echo(line)
-    folder = path.parent if out is None else out
-    make_folder(folder)
+    folder = results_folder(path, out)
     picture = folder / PICTURE
     save_figure(stability_figure(design, outcome), picture)
     click.echo(f"picture: {picture}")
-    if not outcome.complete:
-        click.echo(f"incomplete: {outcome.message}", err=True)
-        return NOT_CONVERGED
-    return 0
+    return OK if outcome.complete else incomplete(outcome.message)
 
 
 def stability_table(outcome: Stability) -> Table:
     """One row per displacement."""
-    from rich.table import Table
-
-    table = Table()
-    for column in ("d [mm]", "q [N]", "lowest eigenvalue", "negative", "", "in solid", "symmetry"):
-        table.add_column(column, justify="left" if column in ("", "symmetry") else "right")
+    columns = ("d [mm]", "q [N]", "lowest eigenvalue", "negative", "", "in solid", "symmetry")
+    table = new_table(*columns, texts=("", "symmetry"))
     for point, relative in zip(outcome.points, outcome.relative, strict=True):
         # At rest all modes of the solid have the same eigenvalue: no one of them is the lowest.
         mode = None if point.d == 0.0 else point.modes[0]

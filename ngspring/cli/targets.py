@@ -1,94 +1,35 @@
-"""The commands ``ngspring targets`` and ``ngspring materials``."""
+"""The command ``ngspring targets``."""
 
 from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import click
+from rich.table import Table
 
 from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
+from ngspring.basics.files import write_text
 from ngspring.cli.arguments import read_problem
-from ngspring.cli.options import FAILED
+from ngspring.cli.options import FAILED, OK
+from ngspring.cli.tables import make_console, new_table
+from ngspring.problem.annotated import annotated_toml
 from ngspring.problem.cases import cases
+from ngspring.problem.curves.curve import read_curve
 from ngspring.problem.kinematics import KINEMATICS
+from ngspring.problem.material import young_and_poisson
 from ngspring.problem.spring import SpringProblem, height_and_area
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
+from ngspring.problem.targets.from_curve import problem_from_curve
+from ngspring.problem.targets.full_block import block_force
+from ngspring.problem.targets.plausibility import check_targets
 
 #: Ranges of d and q.
 Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 
 
-def refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
-    """Say on stderr what is doubtful about a problem, and refuse what cannot be met.
-
-    Raises
-    ------
-    ProblemError
-        If there is an error and not ``anyway``.
-    """
-    from ngspring.problem.targets.plausibility import check_targets
-
-    findings = check_targets(problem)
-    errors = [finding.message for finding in findings if finding.level == "error"]
-    if errors and not anyway:
-        raise ProblemError(f"{'; '.join(errors)}. To try nevertheless: --anyway")
-    for finding in findings:
-        if finding.level != "note":
-            click.echo(f"ngspring: warning: {finding.message}", err=True)
-
-
-@click.command("materials")
-def materials_command() -> None:
-    """List common elastomers with their hardness and Young's modulus.
-
-    The moduli are Gent's relation for the hardness, no measurements.
-    """
-    from ngspring.cli.tables import make_console
-
-    make_console().print(_materials_table())
-
-
-def _materials_table() -> Table:
-    from rich.table import Table
-
-    from ngspring.problem.material import ELASTOMERS, GENT_RANGE, young_from_shore_A
-
-    def modulus(hardness: float) -> str:
-        beyond = "~" if not GENT_RANGE[0] <= hardness <= GENT_RANGE[1] else ""
-        return f"{beyond}{young_from_shore_A(hardness):.2g}"
-
-    table = Table(
-        title="common elastomers",
-        caption="Hardness as commonly offered; E from it by A. N. Gent, Rubber Chem. Technol. 31"
-        " (1958) 896, good for 20 to 80 Shore A and to about 20 %; ~ is beyond. A tensile test of"
-        " your own material is better. nu: 0.4 (the paper's) to 0.45 for all of them; real rubber"
-        " is closer to 0.5, where the elements would lock.",
-    )
-    for name in ("material", "symbol", "Shore A", "E [MPa]", "typical", "E [MPa]", "made"):
-        table.add_column(
-            name, justify="left" if name in ("material", "symbol", "made") else "right"
-        )
-    for e in ELASTOMERS:
-        low, high = e.shore_A
-        table.add_row(
-            e.name,
-            e.symbol,
-            f"{low:g} - {high:g}",
-            f"{modulus(low)} - {modulus(high)}",
-            f"{e.typical:g}",
-            modulus(e.typical),
-            e.note,
-        )
-    return table
-
-
-@click.command("targets", short_help="Check a target curve, and make a problem of it.")
+@click.command("targets")
 @click.argument("curve", metavar="CURVE.csv|CURVE.svg|FILE.toml|CASE")
 @click.option("--length", "L", type=float, help="L in mm: across the load, or the diameter.")
 @click.option("--height", "H", type=float, help="H in mm: along the load.")
@@ -136,10 +77,6 @@ def targets_command(
 
     Exit code 1 if the target cannot be met.
     """
-    from ngspring.basics.files import write_text
-    from ngspring.cli.tables import make_console
-    from ngspring.problem.targets.plausibility import check_targets
-
     given = {key: value for key, value in described.items() if value is not None}
     remarks: tuple[str, ...] = ()
     text = ""
@@ -170,7 +107,7 @@ def targets_command(
         optimize = f"ngspring optimize {shlex.quote(str(out))}"
         advice = f"{optimize} will refuse it, unless --anyway is given" if refused else optimize
         click.echo(f"written: {out}; {'but' if refused else 'next:'} {advice}")
-    return FAILED if refused else 0
+    return FAILED if refused else OK
 
 
 def _problem_of_curve(
@@ -184,10 +121,6 @@ def _problem_of_curve(
     compression: bool,
 ) -> tuple[SpringProblem, tuple[str, ...], str]:
     """The problem as it would be read from the file that is written, remarks, and that file."""
-    from ngspring.problem.annotated import annotated_toml
-    from ngspring.problem.curves.curve import read_curve
-    from ngspring.problem.targets.from_curve import problem_from_curve
-
     if "T" in given and not KINEMATICS[str(given.get("kinematics", "plane strain"))].thick:
         raise click.UsageError("an axisymmetric spring has no thickness")
     target = read_curve(curve, *height_and_area(given), axes, compression)
@@ -230,8 +163,6 @@ def _axes(curve: str, d_range: str | None, q_range: str | None) -> Axes | None:
 
 def _described(problem: SpringProblem) -> str:
     """A problem in one line."""
-    from ngspring.problem.material import young_and_poisson
-
     E, nu = young_and_poisson(problem.K, problem.G)
     size = f"{problem.L:g} x {problem.H:g}" + (f" x {problem.T:g}" if problem.motion.thick else "")
     return (
@@ -241,13 +172,8 @@ def _described(problem: SpringProblem) -> str:
 
 
 def _points_table(problem: SpringProblem) -> Table:
-    from rich.table import Table
-
-    from ngspring.problem.targets.full_block import block_force
-
-    table = Table()
-    for name in ("d [mm]", "q [N]", "η", "strain d/H", "stress q/area [MPa]", "of a full block"):
-        table.add_column(name, justify="right")
+    columns = ("d [mm]", "q [N]", "η", "strain d/H", "stress q/area [MPa]", "of a full block")
+    table = new_table(*columns)
     for point in problem.control_points:
         table.add_row(
             f"{point.d:g}",

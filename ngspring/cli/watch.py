@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from ngspring.basics.errors import DesignFileError, RunFolderError
-
-if TYPE_CHECKING:
-    from ngspring.evolution.runstate import RunState
+from ngspring.cli.options import OK
+from ngspring.evolution.folder import in_use, read_design
+from ngspring.evolution.runstate import RunState, campaign_runs, holds_run, read_run, stored_state
+from ngspring.view.report import REPORT, write_index, write_report
 
 _SHORTEST = 0.2
 
 
-@click.command("watch", short_help="Report of a run as an HTML file, while it goes on.")
+@click.command("watch")
 @click.argument("name", metavar="RUN|CAMPAIGN|DESIGN")
 @click.option("--once", is_flag=True, help="Write the report once, even if the run goes on.")
 @click.option(
@@ -39,8 +39,6 @@ def watch_command(name: str, once: bool, interval: float, out: Path | None) -> i
     campaign (an index, and a report of each run). The report of a DESIGN, a file or the name of a
     stored one, is written once.
     """
-    from ngspring.evolution.runstate import campaign_runs, holds_run
-
     folder = Path(name)
     if not folder.is_dir():
         return _write_design(name, out)
@@ -48,28 +46,20 @@ def watch_command(name: str, once: bool, interval: float, out: Path | None) -> i
         _watch_campaign(folder, out, once, interval)
     else:
         _watch_run(folder, out, once, interval)
-    return 0
+    return OK
 
 
 def _write_design(name: str, out: Path | None) -> int:
-    from ngspring.evolution.folder import read_design
-    from ngspring.evolution.runstate import stored_state
-    from ngspring.view.report import write_report
-
     if not Path(name).suffix and Path(name).parent != Path():
         raise RunFolderError(f"there is no run folder {name}")
     design, path = read_design(name)
     target = path.with_suffix(".html") if out is None else out
     write_report(stored_state(design, path.parent), target)
     click.echo(f"report: {target}")
-    return 0
+    return OK
 
 
 def _watch_run(folder: Path, out: Path | None, once: bool, interval: float) -> None:
-    from ngspring.evolution.folder import in_use
-    from ngspring.evolution.runstate import holds_run, read_run
-    from ngspring.view.report import REPORT, write_report
-
     target = folder / REPORT if out is None else out
     told = False
     while not once and not holds_run(folder) and in_use(folder):
@@ -89,10 +79,6 @@ def _watch_run(folder: Path, out: Path | None, once: bool, interval: float) -> N
 
 
 def _watch_campaign(folder: Path, out: Path | None, once: bool, interval: float) -> None:
-    from ngspring.evolution.folder import in_use
-    from ngspring.evolution.runstate import RunState, campaign_runs
-    from ngspring.view.report import REPORT, write_index, write_report
-
     target = folder / REPORT if out is None else out
     name = folder.resolve().name
     seen: dict[str, RunState | str] = {}
@@ -126,8 +112,6 @@ def _watch_campaign(folder: Path, out: Path | None, once: bool, interval: float)
 
 def _read(folder: Path) -> RunState | str:
     """The state of one of several runs; one that cannot be read is no reason to stop."""
-    from ngspring.evolution.runstate import read_run
-
     try:
         return read_run(folder)
     except (DesignFileError, RunFolderError) as error:

@@ -24,10 +24,11 @@ from hypothesis import strategies as st
 
 import ngspring
 from ngspring import Design, NgspringError, ProblemError, RunFolderError, cases
-from ngspring.campaign.local import Outcome, execute
+from ngspring.campaign.outcome import Outcome
 from ngspring.campaign.plan import Campaign, Run, parse_campaign, read_campaign
 from ngspring.campaign.results import record, results_csv
 from ngspring.campaign.run import Event, run_campaign
+from ngspring.campaign.workers import execute
 from ngspring.cli.main import cli
 from ngspring.evolution.folder import CHECKPOINT, locked
 from ngspring.problem.point import ControlPoint
@@ -454,7 +455,7 @@ def test_any_error_is_an_outcome(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ngspring.evolution.optimize.optimize", fail_with(error))
+    monkeypatch.setattr("ngspring.campaign.workers.optimize", fail_with(error))
     run = Run("a", TINY)
     expected = Outcome(run, status, message)
     assert execute(run, tmp_path, 1, lambda update: None) == expected
@@ -464,7 +465,7 @@ def test_a_worker_that_dies_again_and_again_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ngspring.campaign import run as campaign_run
-    from ngspring.campaign.local import Death, News
+    from ngspring.campaign.workers import Death, News
 
     class Deadly:
         full = False

@@ -18,13 +18,14 @@ import meshio
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from support.commands import invoke
+from support.commands import environment, invoke
 
 import ngspring
 from ngspring.basics.errors import ConvergenceError
 from ngspring.cli.arguments import read_problem
 from ngspring.cli.progress import LiveTable
-from ngspring.cli.tables import make_console, response_lines
+from ngspring.cli.response import response_lines
+from ngspring.cli.tables import make_console
 from ngspring.design.design import Design
 from ngspring.evolution.runstate import read_run
 from ngspring.problem.cases import cases
@@ -53,10 +54,6 @@ l_i = 7.0
 d = -10.0
 q = -2.0
 """
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(ngspring.__file__).parents[1])}
 
 
 def start(*args: object, cwd: Path) -> subprocess.Popen[str]:
@@ -172,7 +169,7 @@ def test_no_convergence_is_code_3_with_pictures(
         newton = evolution.NewtonSettings(max_iterations=1)
         return original(*args, **kwargs, rule=rule, newton=newton)
 
-    monkeypatch.setattr(evolution, "optimize", give_up)
+    monkeypatch.setattr("ngspring.cli.optimize.optimize", give_up)
     out = tmp_path / "out"
     file = finished.home / "mine.toml"
     result = invoke("optimize", file, "--out", out, "--threads", 1, code=3)

@@ -17,12 +17,8 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import OutlineError, ProblemError
 from ngspring.cli.main import cli
 from ngspring.cli.tables import make_console
-from ngspring.cli.verify import (
-    tolerance_lines,
-    tolerance_table,
-    verification_lines,
-    verification_table,
-)
+from ngspring.cli.tolerance import tolerance_lines, tolerance_table
+from ngspring.cli.verify import verification_lines, verification_table
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
 from ngspring.problem.point import ControlPoint

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from click.testing import CliRunner, Result
 
+import ngspring
 from ngspring.cli.main import cli
+
+
+def environment() -> dict[str, str]:
+    """For processes that shall import the same ngspring as the tests."""
+    return {**os.environ, "PYTHONPATH": str(Path(ngspring.__file__).parents[1])}
 
 
 def invoke(*args: object, code: int = 0) -> Result:

@@ -1,0 +1,126 @@
+"""The command ``ngspring check``."""
+
+from __future__ import annotations
+
+import click
+from rich.table import Table
+
+from ngspring.basics.errors import ConvergenceError, ProblemError
+from ngspring.cli.options import FAILED, OK, threads_option
+from ngspring.cli.tables import make_console
+from ngspring.design.design import Design
+from ngspring.design.gallery import gallery
+from ngspring.evolution.folder import read_design
+from ngspring.kkt.stationarity import Optimality, optimality
+from ngspring.view.text import deviation
+
+
+@click.command("check")
+@click.argument("names", metavar="[DESIGN]...", nargs=-1)
+@click.option("--gallery", "all_stored", is_flag=True, help="Check every stored design.")
+@click.option(
+    "--tolerance",
+    type=float,
+    default=1e-6,
+    show_default=True,
+    help="Largest residual of Eq. 8 relative to its terms.",
+)
+@click.option(
+    "--force-tolerance",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="Largest deviation of a force from its target in percent; a larger w_q makes it smaller.",
+)
+@threads_option
+def check_command(
+    names: tuple[str, ...],
+    all_stored: bool,
+    tolerance: float,
+    force_tolerance: float,
+    threads: int | None,
+) -> int:
+    """Check that designs are stationary points and meet their targets (within 0.1 %).
+
+    Everything is computed anew from the design field. Control points with an offset of chi
+    (eta) are shown, but need not be met.
+    """
+    if not tolerance > 0:
+        raise ProblemError(f"--tolerance {tolerance} must be positive")
+    if not force_tolerance > 0:
+        raise ProblemError(f"--force-tolerance {force_tolerance} must be positive")
+    designs = [(name, read_design(name)[0]) for name in names]
+    if all_stored:
+        designs += list(gallery.items())
+    if not designs:
+        raise click.UsageError(
+            "there are no stored designs" if all_stored else "name a design, or use --gallery"
+        )
+    table = check_table()
+    passed = True
+    for name, design in designs:
+        try:
+            outcome: Optimality | str = optimality(design, threads=threads)
+        except ConvergenceError as error:
+            outcome = str(error)
+        passed &= add_check(table, name, design, outcome, tolerance, force_tolerance / 100)
+    make_console().print(table)
+    return OK if passed else FAILED
+
+
+def check_table() -> Table:
+    """Header of the table that `add_check` fills."""
+    table = Table()
+    for column in ("design", "residual", "q [N]", "deviations", "W/H or D/H", "verdict"):
+        # Long paths and reasons give way to the numbers.
+        text = column in ("design", "verdict")
+        table.add_column(column, justify="left" if text else "right", no_wrap=not text)
+    return table
+
+
+def add_check(
+    table: Table,
+    name: str,
+    design: Design,
+    outcome: Optimality | str,
+    tolerance: float,
+    force_tolerance: float,
+) -> bool:
+    """Add a design's row to the table; returns whether it passes.
+
+    Parameters
+    ----------
+    table : rich.table.Table
+    name : str
+    design : Design
+    outcome : Optimality or str
+        What `ngspring.optimality` found, or why it could not.
+    tolerance : float
+        Largest relative residual.
+    force_tolerance : float
+        Largest relative deviation of a force from its target.
+    """
+    ratio = f"{design.relative_width:.4f}"
+    if isinstance(outcome, str):
+        table.add_row(name, "-", "-", "-", ratio, f"fails: {outcome}")
+        return False
+    points = design.problem.control_points
+    reasons = []
+    if not outcome.residual <= tolerance:
+        reasons.append("residual")
+    judged = [dev for dev, point in zip(outcome.deviation, points, strict=True) if point.eta == 0]
+    if not all(dev <= force_tolerance for dev in judged):
+        limit = f"{100 * force_tolerance:g} %"
+        reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
+    table.add_row(
+        name,
+        f"{outcome.residual:.1e}",
+        "\n".join(f"{q:.6f}" for q in outcome.q),
+        "\n".join(
+            deviation(float(q), point.q) + (f" (η = {point.eta:g})" if point.eta else "")
+            for q, point in zip(outcome.q, points, strict=True)
+        ),
+        ratio,
+        f"fails: {' and '.join(reasons)}" if reasons else "passes",
+    )
+    return not reasons

@@ -1,0 +1,47 @@
+"""The command ``ngspring materials``."""
+
+from __future__ import annotations
+
+import click
+from rich.table import Table
+
+from ngspring.cli.tables import make_console, new_table
+from ngspring.problem.material import ELASTOMERS, GENT_RANGE, young_from_shore_A
+
+
+@click.command("materials")
+def materials_command() -> None:
+    """List common elastomers with their hardness and Young's modulus.
+
+    The moduli are Gent's relation for the hardness, no measurements.
+    """
+    make_console().print(_materials_table())
+
+
+def _materials_table() -> Table:
+
+    def modulus(hardness: float) -> str:
+        beyond = "~" if not GENT_RANGE[0] <= hardness <= GENT_RANGE[1] else ""
+        return f"{beyond}{young_from_shore_A(hardness):.2g}"
+
+    columns = ("material", "symbol", "Shore A", "E [MPa]", "typical", "E [MPa]", "made")
+    texts = ("material", "symbol", "made")
+    table = new_table(*columns, texts=texts, title="common elastomers")
+    table.caption = (
+        "Hardness as commonly offered; E from it by A. N. Gent, Rubber Chem. Technol. 31"
+        " (1958) 896, good for 20 to 80 Shore A and to about 20 %; ~ is beyond. A tensile test of"
+        " your own material is better. nu: 0.4 (the paper's) to 0.45 for all of them; real rubber"
+        " is closer to 0.5, where the elements would lock."
+    )
+    for e in ELASTOMERS:
+        low, high = e.shore_A
+        table.add_row(
+            e.name,
+            e.symbol,
+            f"{low:g} - {high:g}",
+            f"{modulus(low)} - {modulus(high)}",
+            f"{e.typical:g}",
+            modulus(e.typical),
+            e.note,
+        )
+    return table
