@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 
 import ngsolve as ng
@@ -24,6 +25,16 @@ settings.load_profile("no deadline")
 def pytest_xdist_auto_num_workers() -> int:
     """Processes for ``-n auto``: one a processor, no more than the longest file leaves work for."""
     return min(available(), 4)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def heard_interrupts() -> None:
+    """Ctrl-C reaches the processes that tests start.
+
+    A shell starts what it puts into the background with SIGINT ignored, and children inherit that.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
