@@ -18,15 +18,21 @@ class UnknownDesignError(DesignFileError, KeyError):
 
 
 class Gallery(Mapping[str, Design]):
-    """Read-only mapping from names to stored designs, each loaded when asked for."""
+    """Read-only mapping from names to stored designs, each loaded when asked for.
+
+    Attributes
+    ----------
+    folder : path
+        Where they are.
+    """
 
     def __init__(self) -> None:
-        self._folder = files("ngspring.design") / "stored"
+        self.folder = files("ngspring.design") / "stored"
 
     def _names(self) -> list[str]:
-        if not self._folder.is_dir():
+        if not self.folder.is_dir():
             return []
-        names = [entry.name for entry in self._folder.iterdir()]
+        names = [entry.name for entry in self.folder.iterdir()]
         # Snapshots of a run (Fig. 16) lie beside the designs.
         return sorted(
             name.removesuffix(".npz")
@@ -48,7 +54,7 @@ class Gallery(Mapping[str, Design]):
             if str(name).upper() in cases:
                 hint = f" for this case yet; there are {', '.join(names)}"
             raise UnknownDesignError(f"there is no stored design {shown(name)}{hint}")
-        with as_file(self._folder / f"{name}.npz") as path:
+        with as_file(self.folder / f"{name}.npz") as path:
             return Design.load(path)
 
     def __repr__(self) -> str:

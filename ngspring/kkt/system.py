@@ -329,6 +329,21 @@ class CoupledSystem:
             ]
         )
 
+    def product(self, update: State) -> Residual:
+        """Product of the last assembled Newton matrix with an update, in the plain unknowns.
+
+        What `solve` inverts: ``product(solve(residual)) = -residual``.
+        """
+        s, n = self._scale, self.free
+        parts = [update.chi / self._chi_unit]
+        for u, lam in zip(update.u, update.lam, strict=True):
+            parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:]]
+        y = self._multiply(np.concatenate(parts))
+        blocks = y[self.coefficients :].reshape(len(self.points), 2 * n + 1)
+        a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
+        chi = y[: self.coefficients] / self._chi_unit
+        return Residual(chi, (a + b) / 2, np.hstack([(a - b) / (2 * s), top]), {})
+
     def solve(self, residual: Residual) -> State:
         """Newton update ``-matrix^-1 residual``, refined until every block is solved.
 

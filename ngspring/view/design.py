@@ -20,7 +20,8 @@ from ngspring.problem.spring import SpringProblem
 from ngspring.view.figure import SMALL, new_figure
 from ngspring.view.text import width_symbol
 
-_CELLS = 320
+#: Cells of a picture across the domain, about.
+CELLS = 320
 _VOID = 0.02
 
 
@@ -53,7 +54,7 @@ def draw_design(
         Extent of the solid in x, in mm.
     """
     problem = design.problem
-    cells = max(2, math.ceil(_CELLS / problem.elements)) * problem.elements
+    cells = max(2, math.ceil(CELLS / problem.elements)) * problem.elements
     x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
     place_x, place_y = np.meshgrid(x, y, indexing="ij")
     if displacement is not None:
@@ -102,7 +103,7 @@ def density_figure(design: Design) -> Figure:
     problem = design.problem
     figure = new_figure(4.6, 4.0)
     axes = figure.subplots()
-    x, y = (np.linspace(0, size, _CELLS + 1) for size in (problem.L, problem.H))
+    x, y = (np.linspace(0, size, CELLS + 1) for size in (problem.L, problem.H))
     density = design.density((x[1:] + x[:-1])[:, None] / 2, (y[1:] + y[:-1])[None, :] / 2)
     image = axes.pcolormesh(x, y, density.T, cmap="Greys", vmin=0, vmax=1, rasterized=True)
     figure.colorbar(image, ax=axes, label="density ρ", shrink=0.8, ticks=[0, 0.25, 0.5, 0.75, 1])

@@ -365,7 +365,7 @@ def test_check_gallery_by_name(copy: Path, tmp_path: Path, monkeypatch: pytest.M
     from ngspring.design.gallery import gallery
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(gallery, "_folder", copy)
+    monkeypatch.setattr(gallery, "folder", copy)
     for other in ("checkpoint.npz", "snapshots.npz"):
         (copy / other).unlink()
     assert "passes" in invoke("check", "design", "--threads", 1).stdout

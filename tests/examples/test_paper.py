@@ -57,7 +57,7 @@ def examples_path(monkeypatch: pytest.MonkeyPatch) -> None:
 def saved(monkeypatch: pytest.MonkeyPatch) -> dict[str, Figure]:
     """Figures by name, as the scripts save them; drawn coarsely."""
     paper = script("designs")
-    monkeypatch.setattr(ngspring.view.design, "_CELLS", 40)
+    monkeypatch.setattr(ngspring.view.design, "CELLS", 40)
     kept: dict[str, Figure] = {}
     write = paper.save_figure
 

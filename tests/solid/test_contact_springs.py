@@ -152,7 +152,7 @@ def test_a_surface_that_meets_the_axis_grows_there_as_beside_it() -> None:
     slopes = contact.surface.slopes_at(contact.surface.rest, contact.s).reshape(-1, 2)
     radius = body.problem.L / 2 - contact.rest[:, 0]
     assert np.abs(radius).min() < 1e-9
-    growth = contact._growth(
+    growth = contact.growth(
         1.5 * slopes, slopes, centre + 1.5 * (contact.rest - centre), contact.rest
     )
     np.testing.assert_allclose(growth, 1.5**2, rtol=1e-9)

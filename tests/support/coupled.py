@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
 from ngspring.fem.constraints import stretched
-from ngspring.fem.linear import symmetric
 from ngspring.kkt.system import CoupledSystem, Residual, State
 
 FIELDS = ("chi", "u", "lam")
@@ -62,15 +59,9 @@ class Flat:
         return Residual(state.chi, state.u, state.lam, {})
 
     def matrix(self, x: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Product with the Newton matrix, out of the transformed triangle that is factorised."""
-        system = self.system
-        system.assemble(self.state(x), self.dt)
-        assert system._maps is not None
-        packed = symmetric(system._maps.triangle)
-        unit = np.eye(system.unknowns)
-        columns = [sp.csc_matrix(self.vector(system._unpack(e))[:, None]) for e in unit]
-        inverse = splu(sp.hstack(columns, format="csc"))
-        return lambda d: inverse.solve(packed @ inverse.solve(d), "T")
+        """Product with the Newton matrix at x."""
+        self.system.assemble(self.state(x), self.dt)
+        return lambda d: self.vector(self.system.product(self.state(d)))
 
     def direction(self, field: str, seed: int = 0) -> FloatArray:
         d = np.zeros_like(self.x)

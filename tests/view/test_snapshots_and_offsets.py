@@ -26,7 +26,7 @@ def test_ramp_is_the_stiffness_that_is_solved_with(rough: Design) -> None:
 
 
 def test_snapshots_figure_shows_the_updates_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ngspring.view.design, "_CELLS", 8)
+    monkeypatch.setattr(ngspring.view.design, "CELLS", 8)
     small = on_mesh(ngspring.cases["C7"], 8)[0]
     runs = {"a": dict.fromkeys((0, 5, 9), Design.column(small)), "b": {}}
     titles = [axes.get_title().split("\n")[0] for axes in snapshots_figure(runs, (0,)).axes]

@@ -269,7 +269,7 @@ class Contact:
         Both half passes act on both surfaces, so a point's pressure is the mean of the nominal one
         on its own and on the opposite undeformed area, each over the area as deformed.
         """
-        growth = self._growth(
+        growth = self.growth(
             self.surface.slopes_at(state.positions, self.s).reshape(-1, 2),
             self.surface.slopes_at(self.surface.rest, self.s).reshape(-1, 2),
             self.points(state.positions),
@@ -280,7 +280,7 @@ class Contact:
         nodes = self.surface.nodes[pairs.edge]
         slope, foot = slopes(pairs.s), shapes(pairs.s)
         x, rest = state.positions[nodes], self.surface.rest[nodes]
-        foot_growth = self._growth(
+        foot_growth = self.growth(
             *(np.einsum("pi,pic->pc", slope, place) for place in (x, rest)),
             *(np.einsum("pi,pic->pc", foot, place) for place in (x, rest)),
         )
@@ -290,7 +290,7 @@ class Contact:
             pressure += self.law.pressure(2 * gap) / growth
         return pressure, float((self.area * growth)[pressure > 0.0].sum() / 2)
 
-    def _growth(
+    def growth(
         self, slope: FloatArray, slope_at_rest: FloatArray, place: FloatArray, rest: FloatArray
     ) -> FloatArray:
         """Deformed over undeformed area at points with these slopes d(x, y)/ds and places."""
