@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,14 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     return figure
 
 
+def draw_frame(axes: Axes) -> None:
+    """What every diagram of q over d has: lines through zero, and names."""
+    axes.axhline(0, color="0.7", linewidth=0.8)
+    axes.axvline(0, color="0.7", linewidth=0.8)
+    axes.set_xlabel("d [mm]")
+    axes.set_ylabel("q [N]")
+
+
 def draw_line(axes: Axes, curve: Curve, **style: Any) -> None:
     """Draw q over d as a line, whatever the order of its points, dotted where it jumps."""
     d, q = np.asarray(curve.d), np.asarray(curve.q)
@@ -46,8 +54,7 @@ def draw_line(axes: Axes, curve: Curve, **style: Any) -> None:
 def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:
     """Draw q(d) and the target points; several curves come by their names."""
     curves = response if isinstance(response, Mapping) else {"response": response}
-    axes.axhline(0, color="0.7", linewidth=0.8)
-    axes.axvline(0, color="0.7", linewidth=0.8)
+    draw_frame(axes)
     for k, (name, curve) in enumerate(curves.items()):
         draw_line(axes, curve, color="black", linewidth=1.3, linestyle=LINES[k % 4], label=name)
     plain, offset = control_points_by_kind(problem)
@@ -63,11 +70,25 @@ def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: Sprin
                 markeredgecolor="black",
                 label=name,
             )
-    axes.set_xlabel("d [mm]")
-    axes.set_ylabel("q [N]")
     axes.grid(color="0.92")
     axes.margins(0.06)
     axes.legend(fontsize=SMALL, loc="upper left")
+
+
+def draw_named_points(axes: Axes, name: str, points: Sequence[ControlPoint]) -> None:
+    """Mark target points; the name of their design stands beside the outermost one."""
+    places = [point.d for point in points], [point.q for point in points]
+    axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
+    last = max(points, key=lambda point: abs(point.d))
+    axes.annotate(
+        name,
+        (last.d, last.q),
+        xytext=(math.copysign(7, last.d), 0),
+        textcoords="offset points",
+        ha="left" if last.d > 0 else "right",
+        va="center",
+        fontsize=SMALL + 1,
+    )
 
 
 def control_points_by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
@@ -90,8 +111,7 @@ def curves_figure(
     """
     figure = new_figure(5.6, 4.8)
     axes = figure.subplots()
-    axes.axhline(0, color="0.7", linewidth=0.8)
-    axes.axvline(0, color="0.7", linewidth=0.8)
+    draw_frame(axes)
     for k, (name, design) in enumerate(designs.items()):
         if design is None:
             continue
@@ -99,23 +119,10 @@ def curves_figure(
         grey = str(0.45 * (k % 2))
         draw_line(axes, response, color=grey, linestyle=LINES[k % 4], linewidth=1.3)
         points = control_points_by_kind(design.problem)[0]
-        places = [point.d for point in points], [point.q for point in points]
-        axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
-        last = max(points, key=lambda point: abs(point.d))
-        axes.annotate(
-            name,
-            (last.d, last.q),
-            xytext=(math.copysign(7, last.d), 0),
-            textcoords="offset points",
-            ha="left" if last.d > 0 else "right",
-            va="center",
-            fontsize=SMALL + 1,
-        )
+        draw_named_points(axes, name, points)
     missing = [name for name, design in designs.items() if design is None]
     if missing:
         axes.set_title(f"not in the gallery: {', '.join(missing)}", fontsize=SMALL)
-    axes.set_xlabel("d [mm]")
-    axes.set_ylabel("q [N]")
     axes.grid(color="0.92")
     axes.margins(0.11, 0.06)
     return figure

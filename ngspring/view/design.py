@@ -1,7 +1,4 @@
-"""Pictures of runs, designs and curves, arranged as in the paper.
-
-Figures are plain matplotlib objects on the Agg canvas; no graphical backend is selected.
-"""
+"""The density of a design, at rest and deformed, and what an offset of chi does to it."""
 
 from __future__ import annotations
 
@@ -25,15 +22,6 @@ CELLS = 320
 _VOID = 0.02
 
 
-# -- convergence (Fig. 3) --------------------------------------------------------------------------
-
-
-# -- load-displacement curve -----------------------------------------------------------------------
-
-
-# -- design (Fig. 5) -------------------------------------------------------------------------------
-
-
 def draw_design(
     axes: Axes, design: Design, displacement: FloatArray | None = None, eta: float = 0.0
 ) -> tuple[float, float]:
@@ -55,13 +43,7 @@ def draw_design(
     """
     problem = design.problem
     cells = max(2, math.ceil(CELLS / problem.elements)) * problem.elements
-    x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
-    place_x, place_y = np.meshgrid(x, y, indexing="ij")
-    if displacement is not None:
-        mesh = (displacement.shape[1] - 1) // 2
-        fine = interpolation(mesh, np.linspace(0, mesh, cells + 1))
-        place_x = place_x + fine @ displacement[0] @ fine.T
-        place_y = place_y + fine @ displacement[1] @ fine.T
+    x, y, place_x, place_y = moved_grid(problem, cells, displacement)
     middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
     chi = design.chi(middle_x[:, None], middle_y[None, :]) + eta
     density = rho(chi)
@@ -79,6 +61,20 @@ def draw_design(
     axes.set_aspect("equal")
     solid = place_x[:-1, :-1][density > 0.5]
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
+
+
+def moved_grid(
+    problem: SpringProblem, cells: int, displacement: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Lines x and y of a grid of cells x cells over the body, and where its points move to."""
+    x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
+    place_x, place_y = np.meshgrid(x, y, indexing="ij")
+    if displacement is not None:
+        mesh = (displacement.shape[1] - 1) // 2
+        fine = interpolation(mesh, np.linspace(0, mesh, cells + 1))
+        place_x = place_x + fine @ displacement[0] @ fine.T
+        place_y = place_y + fine @ displacement[1] @ fine.T
+    return x, y, place_x, place_y
 
 
 def draw_guides(axes: Axes, problem: SpringProblem, d: float) -> None:
@@ -114,9 +110,6 @@ def density_figure(design: Design) -> Figure:
     axes.set_ylabel("y [mm]")
     axes.set_title(ratio_text(design), fontsize=10)
     return figure
-
-
-# -- erosion and dilation (Fig. 15) ----------------------------------------------------------------
 
 
 def offsets_figure(

@@ -9,12 +9,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
-from urllib.parse import quote
 
-import numpy as np
+from markupsafe import Markup
 
 from ngspring.basics.errors import RunFolderError
 from ngspring.basics.files import PathLike, write_text
@@ -22,17 +19,15 @@ from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
+from ngspring.evolution.updates import Update
 from ngspring.problem.dimension import weights
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.design import density_figure
-from ngspring.view.html import badge, numbers, page, picture, table
+from ngspring.view.html import link, page, picture
 from ngspring.view.run import convergence_figure, forces_figure, reached_figure
-from ngspring.view.text import deviation, duration, width_symbol
-
-if TYPE_CHECKING:
-    from ngspring.evolution.updates import Update
+from ngspring.view.text import deviation, duration, step, width_symbol
 
 logger = logging.getLogger(__name__)
 
@@ -68,73 +63,39 @@ def report_page(state: RunState, refresh: int = REFRESH) -> str:
     """The report as HTML text."""
     problem, history = state.design.problem, state.design.history
     history = history if history is not None and len(history) else None
-    name = problem.name or "spring"
-    parts = [f"<header><h1>{_title(name, state)}</h1>{_lead(state)}</header>", "<main>"]
-    parts.append(_summary(state, history))
-    parts += ["<h2>Targets</h2>", targets_table(state)]
-    parts += ["<h2>Design and load-displacement curve</h2>", _pictures(state, history)]
-    if history is not None:
-        parts += ["<h2>Convergence</h2>", _convergence(history, problem)]
-        parts += ["<h2>Last design updates</h2>", history_table(history, problem)]
-    parts += ["<h2>Problem</h2>", problem_table(problem, state.design.info), "</main>"]
-    parts.append(_footer())
-    return page(f"{name}: {state.status}", parts, refresh if state.going_on else None)
-
-
-def _title(name: str, state: RunState) -> str:
-    """The name of a spring with the status of its run, as HTML."""
-    return f"{escape(name)} {badge(state.status)}"
-
-
-def _lead(state: RunState) -> str:
-    problem = state.design.problem
-    lines = [f"{problem.kinematics}, {problem.elements} × {problem.elements} elements"]
-    if state.reason:
-        lines.append(state.reason)
-    return f"<p>{escape('; '.join(lines))}</p>"
-
-
-def _footer() -> str:
-    from ngspring import __version__
-
-    now = time.strftime("%Y-%m-%d %H:%M:%S %Z")
-    return (
-        f"<footer>Written by ngspring {__version__} on {now}. Lengths in mm, forces in N, stresses"
-        " in MPa; tension is positive.</footer>"
+    return page(
+        "report.html",
+        refresh if state.going_on else None,
+        name=problem.name or "spring",
+        state=state,
+        problem=problem,
+        history=history,
+        symbol=width_symbol(problem),
+        summary=_summary(state, history),
+        typical_updates=TYPICAL_UPDATES,
+        targets=_targets(state),
+        quantities=_quantities(problem, state.design.info),
+        **_pictures(state, history),
+        **({} if history is None else _convergence(history, problem)),
     )
 
 
 # -- numbers ---------------------------------------------------------------------------------------
 
 
-def _summary(state: RunState, history: History | None) -> str:
+def _summary(state: RunState, history: History | None) -> list[tuple[str, str]]:
+    """Names and values."""
     design = state.design
     cards = [(width_symbol(design.problem), f"{design.relative_width:.4f}")]
     cards.append(("volume V", f"{design.volume:.1f} mm³"))
-    note = ""
     if history is not None:
-        dt = history.last().dt
         cards.append(("design updates", str(len(history) - 1)))
         cards.append(("Newton iterations", str(history.newton_iterations)))
-        cards.append(("dt", "∞" if np.isinf(dt) else f"{dt:.1e}"))
+        cards.append(("dt", step(history.last().dt)))
         cards.append(("elapsed", duration(state.elapsed or 0.0)))
         if state.evolving:
             cards.append(("time left (estimate)", time_left_text(history, design.problem)))
-            note = (
-                "<p>The time left is an estimate: from the dt reached, the time that the last"
-                f" design updates took, and stored runs, which took about {TYPICAL_UPDATES} design"
-                " updates. In the second half of their time it was within a factor of four for"
-                " them, in the first half up to ten times too low; for runs that continue from a"
-                " finished design it was up to twenty times too high.</p>"
-            )
-    symbol = width_symbol(design.problem)
-    kind = design.problem.motion.width_word
-    legend = (
-        f"<p>{symbol}: {kind} of a straight column with the same volume, over the height. C: the"
-        " objective. dt: pseudo-time step of the evolution, infinite once the design is"
-        " stationary. η: offset of the design field χ, 0 for the part itself.</p>"
-    )
-    return numbers(cards) + note + legend
+    return cards
 
 
 def time_left_text(history: History, problem: SpringProblem) -> str:
@@ -149,34 +110,30 @@ def time_left_text(history: History, problem: SpringProblem) -> str:
     return f"about {max(1, round(seconds, -1 if seconds > 20 else 0)):.0f} s"
 
 
-def targets_table(state: RunState) -> str:
+def _targets(state: RunState) -> list[tuple[str, ...]]:
     """Targets, reached forces and deviations."""
     points, forces = state.design.problem.control_points, state.forces
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for j, point in enumerate(points):
         found = (_NO_NUMBER, _NO_NUMBER)
         if forces is not None:
             found = (f"{forces[j]:.4f}", deviation(forces[j], point.q))
         rows.append((f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *found))
-    header = ("d [mm]", "offset η", "target q [N]", "reached q [N]", "deviation")
-    return table(header, rows)
+    return rows
 
 
-def history_table(history: History, problem: SpringProblem) -> str:
+def _updates(history: History) -> list[list[str]]:
     """The last rows of the history, the newest first."""
-    header = ["update", "dt", "Newton", "rejected", "C", width_symbol(problem)]
-    header += [f"q at {p.d:g} mm [N]" for p in problem.control_points[: len(history.last().q)]]
     rows = []
     for row in reversed(history.rows()[-_ROWS:]):
-        dt = "∞" if row.is_end else f"{row.dt:.1e}"
-        cells = [str(row.update), dt, str(row.newton_iterations)]
+        cells = [str(row.update), step(row.dt), str(row.newton_iterations)]
         cells += [str(row.rejected), f"{row.C:.4e}", f"{row.width:.4f}"]
         cells += [f"{q:.4f}" for q in row.q]
         rows.append([*cells, duration(row.seconds)])
-    return table([*header, "time"], rows)
+    return rows
 
 
-def problem_table(problem: SpringProblem, info: Mapping[str, object]) -> str:
+def _quantities(problem: SpringProblem, info: Mapping[str, object]) -> list[tuple[str, str]]:
     """Mesh, material and weights."""
     rows = [
         ("kinematics", problem.kinematics),
@@ -199,24 +156,15 @@ def problem_table(problem: SpringProblem, info: Mapping[str, object]) -> str:
     ]
     if info.get("start"):
         rows.append(("start", str(info["start"])))
-    return table(("quantity", "value"), rows)
+    return rows
 
 
 # -- pictures --------------------------------------------------------------------------------------
 
 
-def _pictures(state: RunState, history: History | None) -> str:
+def _pictures(state: RunState, history: History | None) -> dict[str, Markup | None]:
     design, problem = state.design, state.design.problem
     forces, curve = state.forces, state.curve
-    parts = [
-        picture(
-            "design",
-            density_figure(design),
-            f"Density of the design over {problem.L:g} by {problem.H:g} mm: black is solid,"
-            " white is void",
-            "Design: density ρ on the undeformed body (dash-dotted: symmetry axes).",
-        )
-    ]
     known = "The load-displacement curve and the" if curve is not None else "The"
     caption = f"{known} forces at the control points against their targets."
     if state.going_on:
@@ -228,27 +176,32 @@ def _pictures(state: RunState, history: History | None) -> str:
         outside = [f"{p.d:g}" for p in problem.control_points if not low <= p.d <= high]
         if outside:
             caption += f" The curve ends before d = {', '.join(outside)} mm."
-    parts.append(
-        picture(
+    return {
+        "design": picture(
+            "design",
+            density_figure(design),
+            f"Density of the design over {problem.L:g} by {problem.H:g} mm: black is solid,"
+            " white is void",
+            "Design: density ρ on the undeformed body (dash-dotted: symmetry axes).",
+        ),
+        "curve": picture(
             "curve",
             reached_figure(problem, forces, curve, history),
             "Diagram of force q in N against displacement d in mm with "
             + _forces_text(problem, forces),
             caption,
             margins=_MARGINS,
-        )
-    )
-    if state.states is not None:
-        # Many panels in a row: it needs the whole width.
-        states = picture(
+        ),
+        "states": None
+        if state.states is None
+        else picture(
             "states",
             state.states,
             "The design undeformed and deformed at each control point, and its"
             " load-displacement curve",
             "The design undeformed and deformed at the control points.",
-        )
-        return f'<div class="pictures">{"".join(parts)}</div><div class="wide">{states}</div>'
-    return f'<div class="pictures">{"".join(parts)}</div>'
+        ),
+    }
 
 
 def _forces_text(problem: SpringProblem, forces: Sequence[float] | None) -> str:
@@ -259,10 +212,14 @@ def _forces_text(problem: SpringProblem, forces: Sequence[float] | None) -> str:
     return "; ".join(texts)
 
 
-def _convergence(history: History, problem: SpringProblem) -> str:
+def _convergence(history: History, problem: SpringProblem) -> dict[str, object]:
+    """What there is to see of the design updates."""
     symbol = width_symbol(problem)
-    parts = [
-        picture(
+    points = problem.control_points[: len(history.last().q)]
+    return {
+        "force_names": [f"q at {point.d:g} mm [N]" for point in points],
+        "updates": _updates(history),
+        "convergence": picture(
             "convergence",
             convergence_figure(history, problem),
             f"Four diagrams over design updates: time step dt, objective C, its control-point"
@@ -272,15 +229,14 @@ def _convergence(history: History, problem: SpringProblem) -> str:
             dpi=90,
             margins=(0.14, 0.07, 0.97, 0.94),
         ),
-        picture(
+        "forces": picture(
             "forces",
             forces_figure(history, problem),
             "Diagram of the forces at the control points over design updates",
             "Forces at the control points over the design updates.",
             margins=_MARGINS,
         ),
-    ]
-    return f'<div class="pictures">{"".join(parts)}</div>'
+    }
 
 
 # -- several runs ----------------------------------------------------------------------------------
@@ -312,21 +268,14 @@ def write_index(
     RunFolderError
         If the file cannot be written.
     """
-    runs = list(runs)
-    rows = []
-    for run, state in runs:
-        linked = links and isinstance(state, RunState)
-        title = f'<a href="{quote(run)}/{REPORT}">{escape(run)}</a>' if linked else escape(run)
-        rows.append((title, *_index_cells(state)))
-    header = ("run", "status", "updates", "dt", "W/H or D/H", "largest deviation", "elapsed")
-    going_on = [run for run, state in runs if isinstance(state, RunState) and state.going_on]
-    ended = len(runs) - len(going_on)
-    parts = [f"<header><h1>{escape(name)}</h1>"]
-    parts.append(f"<p>{len(runs)} runs begun, {ended} of them ended.</p></header><main>")
-    parts.append(table((*header, "time left (estimate)"), rows, raw=True))
-    parts += ["</main>", _footer()]
-    text = page(f"{name}: {len(going_on)} running", parts, refresh)
-    write_text(Path(path), text)
+    states = dict(runs)
+    known = {run for run, state in states.items() if isinstance(state, RunState)}
+    rows = [
+        (link(f"{run}/{REPORT}", run) if links and run in known else run, *_index_cells(state))
+        for run, state in states.items()
+    ]
+    going_on = sum(isinstance(state, RunState) and state.going_on for state in states.values())
+    write_text(Path(path), page("index.html", refresh, name=name, rows=rows, going_on=going_on))
 
 
 def _index_cells(state: RunState | str) -> tuple[str, ...]:
@@ -339,11 +288,9 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     status = f"{state.status}: {state.reason}" if state.reason else state.status
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER
-    dt = history.last().dt
     left = time_left_text(history, design.problem) if state.evolving else _NO_NUMBER
-    size = "∞" if np.isinf(dt) else f"{dt:.1e}"
-    time_taken = duration(state.elapsed or 0.0)
-    return status, str(len(history) - 1), size, width, worst, time_taken, left
+    updates, dt = str(len(history) - 1), step(history.last().dt)
+    return status, updates, dt, width, worst, duration(state.elapsed or 0.0), left
 
 
 # -- while a run goes on ---------------------------------------------------------------------------

@@ -1,8 +1,9 @@
-"""Pictures of a run that goes on: forces against their targets."""
+"""Pictures of a run: forces against their targets, and how it converged (Fig. 3)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,13 +13,11 @@ from matplotlib.ticker import MaxNLocator
 from ngspring.analysis.states import Curve
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.history import History
+from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import draw_curve
 from ngspring.view.figure import LINES, SMALL, new_figure
 from ngspring.view.text import point_label, width_symbol
-
-_SMALL = 8
-_MARKERS = "osv^D"
 
 
 def reached_figure(
@@ -63,7 +62,7 @@ def reached_figure(
         )
     # The first designs are often far off: what counts is what is near the targets.
     axes.set_ylim(low - margin, high + margin)
-    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.legend(fontsize=SMALL, loc="upper left")
     axes.set_title(f"{problem.name or 'spring'}: force against displacement", fontsize=10)
     return figure
 
@@ -93,13 +92,9 @@ def forces_figure(history: History, problem: SpringProblem) -> Figure:
         axes.plot(
             update,
             q,
-            color=str(0.15 * (j % 5)),
-            linestyle=LINES[j % 4],
-            marker=_MARKERS[j % 5],
+            **_style(j, point, len(update)),
             markersize=3.5,
-            markevery=max(1, len(update) // 25),
             linewidth=1.2,
-            label=point_label(point),
         )
     low, high = min(0.0, *values), max(0.0, *values)
     # The first designs may be off by an order of magnitude. At the top there is the legend.
@@ -111,7 +106,7 @@ def forces_figure(history: History, problem: SpringProblem) -> Figure:
     axes.set_ylabel("q [N]")
     axes.set_title("forces at the control points; thin lines: targets", fontsize=10)
     axes.grid(color="0.92")
-    axes.legend(fontsize=_SMALL, loc="upper right", ncols=min(3, len(problem.control_points)))
+    axes.legend(fontsize=SMALL, loc="upper right", ncols=min(3, len(problem.control_points)))
     return figure
 
 
@@ -140,12 +135,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
             update,
             history.C_q(j),
             "C$_q$",
-            color=str(0.15 * (j % 5)),
-            linestyle=LINES[j % 4],
-            marker="osv^D"[j % 5],
-            markersize=3,
-            markevery=max(1, len(update) // 25),
-            label=point_label(point),
+            **_style(j, point, len(update)),
         )
     axes[2].legend(fontsize=SMALL, loc="upper right")
     axes[3].plot(update, history["width"], color="black", marker=".", markersize=3, linewidth=1)
@@ -166,10 +156,20 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
     return figure
 
 
-def _draw_log(axes: Axes, x: FloatArray, y: FloatArray, name: str, **style: object) -> None:
+def _style(j: int, point: ControlPoint, updates: int) -> dict[str, Any]:
+    """How the line of a control point looks over the design updates."""
+    return {
+        "color": str(0.15 * (j % 5)),
+        "linestyle": LINES[j % 4],
+        "marker": "osv^D"[j % 5],
+        "markevery": max(1, updates // 25),
+        "label": point_label(point),
+    }
+
+
+def _draw_log(axes: Axes, x: FloatArray, y: FloatArray, name: str, **style: Any) -> None:
     shown = np.where(np.isfinite(y) & (y > 0), y, np.nan)
-    look = {"linewidth": 1, "markersize": 3, **style}
-    axes.plot(x, shown, **look)  # type: ignore[arg-type]
+    axes.plot(x, shown, linewidth=1, markersize=3, **style)
     if np.isfinite(shown).any():
         axes.set_yscale("log")
     axes.set_ylabel(name)

@@ -16,11 +16,10 @@ from ngspring.solid.contact.contact import lobatto
 from ngspring.solid.contact.response import ContactResponse
 from ngspring.solid.mesh.body import Body
 from ngspring.solid.verification import Verification
-from ngspring.view.curves import draw_curve, draw_line
-from ngspring.view.figure import new_figure
+from ngspring.view.curves import draw_curve, draw_frame, draw_line, draw_named_points
+from ngspring.view.figure import SMALL, new_figure
 from ngspring.view.text import deviation_text
 
-_SMALL = 8
 _PIECES = 3
 #: Corners, then the points in between, of an element's outline in reference coordinates.
 _RING = np.concatenate(
@@ -110,10 +109,10 @@ def verification_figure(verification: Verification) -> Figure:
             xycoords=("data", "axes fraction"),
             xytext=(3, 0),
             textcoords="offset points",
-            fontsize=_SMALL,
+            fontsize=SMALL,
             color="0.3",
         )
-    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.legend(fontsize=SMALL, loc="upper left")
     found = deviation_text(*verification.largest_deviation)
     # On lines of their own: together they are wider than the picture.
     axes.set_title(f"{problem.name or 'spring'}\nlargest deviation in force: {found}", fontsize=9)
@@ -144,12 +143,12 @@ def contact_states_figure(verification: Verification) -> Figure:
             if largest > 0:
                 draw_pressure(axes, contact, k, largest)
         force = "" if k is None or d == 0.0 else f"\nq = {contact.q[k]:.3f} N"
-        axes.set_title(("undeformed" if d == 0.0 else f"d = {d:g} mm") + force, fontsize=_SMALL + 1)
+        axes.set_title(("undeformed" if d == 0.0 else f"d = {d:g} mm") + force, fontsize=SMALL + 1)
         axes.set_xlim(-0.12 * problem.L, 1.12 * problem.L)
         reach = max([0.0, *(x for x, _ in states)])
         axes.set_ylim(-0.03 * problem.H, 1.03 * problem.H + reach)
-        axes.tick_params(labelsize=_SMALL - 1)
-        axes.set_xlabel("mm", fontsize=_SMALL)
+        axes.tick_params(labelsize=SMALL - 1)
+        axes.set_xlabel("mm", fontsize=SMALL)
         for side in (0.0, problem.H + d):
             axes.axhline(side, color="0.3", linewidth=0.8)
     if largest > 0:
@@ -173,16 +172,16 @@ def meshes_figure(bodies: Mapping[str, Body | None]) -> Figure:
             continue
         draw_body(axes, body, whole=False)
         elements = "" if body.quality is None else f", {body.quality.elements} elements"
-        axes.set_title(f"{name}{elements}", fontsize=_SMALL + 1)
+        axes.set_title(f"{name}{elements}", fontsize=SMALL + 1)
         axes.set_xlim(0, body.problem.L / 2)
         axes.set_ylim(0, body.problem.H / 2)
-        axes.tick_params(labelsize=_SMALL - 1)
+        axes.tick_params(labelsize=SMALL - 1)
     for axes in panels[len(bodies) :]:
         axes.set_axis_off()
     for axes in panels[-columns:]:
-        axes.set_xlabel("x [mm]", fontsize=_SMALL)
+        axes.set_xlabel("x [mm]", fontsize=SMALL)
     for axes in panels[::columns]:
-        axes.set_ylabel("y [mm]", fontsize=_SMALL)
+        axes.set_ylabel("y [mm]", fontsize=SMALL)
     return figure
 
 
@@ -191,28 +190,15 @@ def verifications_figure(groups: Mapping[str, Mapping[str, Verification]]) -> Fi
     figure = new_figure(4.8 * len(groups), 4.2)
     panels: Sequence[Axes] = figure.subplots(1, len(groups), squeeze=False)[0]
     for axes, (title, group) in zip(panels, groups.items(), strict=True):
-        axes.axhline(0, color="0.7", linewidth=0.8)
-        axes.axvline(0, color="0.7", linewidth=0.8)
+        draw_frame(axes)
         for k, (name, verification) in enumerate(group.items()):
             third = verification.third_medium
             labels = ("third medium", "real contact") if k == 0 else (None, None)
             draw_line(axes, third, color="black", linewidth=1.3, label=labels[0])
             draw_contact_curve(axes, verification.contact, labels[1])
-            points = [verdict.point for verdict in verification.points]
-            axes.plot(
-                [p.d for p in points], [p.q for p in points], "o",
-                markerfacecolor="0.8", markeredgecolor="black", markersize=5.5,
-            )  # fmt: skip
-            last = max(points, key=lambda point: abs(point.d))
-            axes.annotate(
-                name, (last.d, last.q),
-                xytext=(7 if last.d > 0 else -7, 0), textcoords="offset points",
-                ha="left" if last.d > 0 else "right", va="center", fontsize=_SMALL + 1,
-            )  # fmt: skip
+            draw_named_points(axes, name, [verdict.point for verdict in verification.points])
         axes.set_title(title, fontsize=10)
-        axes.set_xlabel("d [mm]")
-        axes.set_ylabel("q [N]")
         axes.grid(color="0.92")
         axes.margins(0.11, 0.06)
-        axes.legend(fontsize=_SMALL, loc="upper left")
+        axes.legend(fontsize=SMALL, loc="upper left")
     return figure

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ngspring.analysis.stability import Critical, Stability
-from ngspring.analysis.states import interpolation
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
-from ngspring.view.design import draw_design
-from ngspring.view.figure import new_figure
+from ngspring.view.design import draw_design, moved_grid
+from ngspring.view.figure import SMALL, new_figure
 
 _MODE = "#c03030"
 _COLOURS = {"solid": "black", "grey": "0.6", "void": "white"}
-_SMALL = 8
 _CELLS = 160
 
 
@@ -61,24 +58,19 @@ def _draw_critical(axes: Axes, design: Design, critical: Critical, eta: float) -
     axes.set_title(
         f"critical: d = {critical.d:.2f} mm, q = {critical.q:.3g} N\n"
         f"{mode.symmetry_text}; {100 * mode.shares[0]:.0f} % in solid",
-        fontsize=_SMALL + 1,
+        fontsize=SMALL + 1,
     )
-    axes.set_xlabel("mm", fontsize=_SMALL)
-    axes.tick_params(labelsize=_SMALL - 1)
+    axes.set_xlabel("mm", fontsize=SMALL)
+    axes.tick_params(labelsize=SMALL - 1)
 
 
 def _outline(axes: Axes, design: Design, displacement: FloatArray, eta: float, colour: str) -> None:
     problem = design.problem
     cells = max(1, math.ceil(_CELLS / problem.elements)) * problem.elements
-    mesh = (displacement.shape[1] - 1) // 2
-    fine = interpolation(mesh, np.linspace(0, mesh, cells + 1))
-    x, y = np.linspace(0, problem.L, cells + 1), np.linspace(0, problem.H, cells + 1)
+    x, y, place_x, place_y = moved_grid(problem, cells, displacement)
     chi = design.chi(x[:, None], y[None, :]) + eta
-    if chi.min() >= 0 or chi.max() <= 0:
-        return
-    place_x = x[:, None] + fine @ displacement[0] @ fine.T
-    place_y = y[None, :] + fine @ displacement[1] @ fine.T
-    axes.contour(place_x, place_y, chi, [0.0], colors=colour, linewidths=1.1)
+    if chi.min() < 0 < chi.max():
+        axes.contour(place_x, place_y, chi, [0.0], colors=colour, linewidths=1.1)
 
 
 def _draw_eigenvalues(axes: Axes, outcome: Stability) -> None:
@@ -97,7 +89,7 @@ def _draw_eigenvalues(axes: Axes, outcome: Stability) -> None:
         Line2D([], [], linestyle="none", marker="o", color=_COLOURS[kind], markeredgecolor="black")
         for kind in _COLOURS
     ]
-    axes.legend(handles, [f"mode in {kind}" for kind in _COLOURS], fontsize=_SMALL)
+    axes.legend(handles, [f"mode in {kind}" for kind in _COLOURS], fontsize=SMALL)
     axes.set_xlabel("d [mm]")
     axes.set_ylabel("lowest eigenvalue, relative to rest")
     axes.grid(color="0.92")

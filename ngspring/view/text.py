@@ -38,6 +38,11 @@ def duration(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
+def step(dt: float) -> str:
+    """A pseudo-time step; infinite once the design is stationary."""
+    return "∞" if math.isinf(dt) else f"{dt:.1e}"
+
+
 def deviation(q: float, target: float) -> str:
     """Deviation of a force from its target in percent."""
     return signed_percent((q - target) / abs(target), 3) if target else f"{q:+.2e} N"

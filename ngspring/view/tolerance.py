@@ -6,18 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ngspring.solid.tolerance import Tolerance
-from ngspring.view.curves import draw_line
-from ngspring.view.figure import new_figure
-
-_SMALL = 8
+from ngspring.view.curves import draw_frame, draw_line
+from ngspring.view.figure import SMALL, new_figure
 
 
 def tolerance_figure(outcome: Tolerance) -> Figure:
     """The curve with a band for each size of offset, and the target points."""
     figure = new_figure(5.2, 4.2)
     axes = figure.subplots()
-    axes.axhline(0, color="0.7", linewidth=0.8)
-    axes.axvline(0, color="0.7", linewidth=0.8)
+    draw_frame(axes)
     sizes = outcome.sizes
     d = outcome.displacements
     shades = np.linspace(0.62, 0.9, len(sizes))
@@ -47,12 +44,10 @@ def tolerance_figure(outcome: Tolerance) -> Figure:
         markeredgecolor="black",
         label="target",
     )
-    axes.set_xlabel("d [mm]")
-    axes.set_ylabel("q [N]")
     axes.set_title(
         f"{outcome.design.problem.name or 'spring'}: dashed thinner, dash-dotted thicker",
         fontsize=10,
     )
-    axes.legend(fontsize=_SMALL, loc="upper left")
+    axes.legend(fontsize=SMALL, loc="upper left")
     axes.margins(0.05)
     return figure
