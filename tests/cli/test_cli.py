@@ -21,12 +21,14 @@ from matplotlib.image import imread
 from support.commands import environment, invoke
 
 import ngspring
+from ngspring.analysis.path import Jump
 from ngspring.basics.errors import ConvergenceError
 from ngspring.cli.arguments import read_problem
 from ngspring.cli.progress import LiveTable
 from ngspring.cli.response import response_lines
 from ngspring.cli.tables import make_console
 from ngspring.design.design import Design
+from ngspring.design.history import Row
 from ngspring.evolution.runstate import read_run
 from ngspring.problem.cases import cases
 from ngspring.problem.point import ControlPoint
@@ -279,9 +281,12 @@ def test_a_spring_at_rest_carries_nothing(copy: Path) -> None:
 
 
 def test_what_rounding_leaves_of_nothing_is_printed_as_nothing() -> None:
-    response: Any = SimpleNamespace(d=[-10.0, -0.0, 1e-3], q=[-2.0, 3.3e-16, 1e-6])
-    rows = [line.split() for line in response_lines(response)[1:]]
+    response: Any = SimpleNamespace(
+        d=[-10.0, -0.0, 1e-3], q=[-2.0, 3.3e-16, 1e-6], jumps=(Jump(0.5, 1.25, 0.75),)
+    )
+    *rows, jump = [line.split() for line in response_lines(response)[1:]]
     assert rows == [["-10", "-2"], ["0", "0"], ["0.001", "1e-06"]]
+    assert " ".join(jump) == "snap-through at d = 0.5 mm: q from 1.25 to 0.75 N"
 
 
 def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
@@ -452,8 +457,7 @@ def test_live_table() -> None:
         return capture.get()
 
     assert "starting" in drawn()
-    row = {"update": 4.0, "dt": 2e6, "newton_iterations": 3.0, "C": 1e-4, "width": 0.25}
-    row |= {"q1": 2.01, "q2": 0.1, "seconds": 3700.0}
+    row = Row(4, 2e6, 3, C=1e-4, q=(2.01, 0.1), width=0.25, seconds=3700.0)
     table(SimpleNamespace(accepted=True, row=row, dt=2e6, reason=""))  # type: ignore[arg-type]
     for part in ("2.0e+06", "0.2500", "q [N] at d = 10 mm", "2.0100", "+0.500 %", "1:01:40"):
         assert part in drawn()
@@ -609,7 +613,7 @@ def test_console_script_has_the_same_codes(tmp_path: Path) -> None:
 
 
 def test_a_load_path_that_ends_is_code_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import ngspring.evolution.optimize as evolution
+    import ngspring.evolution.evolve as evolution
 
     def nowhere(*args: Any, **kwargs: Any) -> Any:
         raise ConvergenceError("the path ends at d = -1 mm,\nbefore -10 mm")

@@ -99,7 +99,7 @@ def test_a_body_that_reaches_both_sides_does_not_float(domain: str) -> None:
 
 def test_the_section_force_is_the_derivative_of_the_energy_by_d(kinematics: str) -> None:
     body = block_with_hole(12.0, kinematics=kinematics)
-    response = contact_load_displacement(body, [-1.99, -2.0, -2.01], threads=1)
+    response = contact_load_displacement(body, [-2.01, -2.0, -1.99], threads=1)
     slope = (response.energy[2] - response.energy[0]) / 0.02
     assert slope == pytest.approx(response.q[1], rel=1e-5)
     assert response.q_stress[1] == pytest.approx(response.q[1], rel=1e-9)
