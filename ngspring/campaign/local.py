@@ -1,6 +1,8 @@
 """Worker processes of this machine.
 
-Every run has a process of its own, so that one that is killed takes no other with it.
+Every run has a process of its own, so that one that is killed takes no other with it, says by which
+signal, and can be told to stop at once. A pool of `concurrent.futures` or loky ends all runs with
+the one that is killed, and cannot say why; a Dask worker stops only between two design updates.
 """
 
 from __future__ import annotations

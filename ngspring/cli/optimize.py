@@ -121,26 +121,17 @@ def optimize_command(
         with locked(folder):
             lines = write_pictures(result, folder, threads)
     except KeyboardInterrupt:
-        if not (folder / CHECKPOINT).exists():
-            return complain("interrupted before there was anything to save", INTERRUPTED)
-        with contextlib.suppress(NgspringError):
-            write_report(read_run(folder), folder / REPORT)
-        again = command_line(
-            ("optimize", case),
-            {
-                "--elements": elements,
-                "--domain": domain,
-                "--threads": threads,
-                "--max-updates": max_updates,
-                "--out": folder,
-                "--solver": None if solver == "auto" else solver,
-                "--report": report,
-                "--resume": True,
-            },
-        )
-        where = f"the last accepted design is saved in {folder}"
-        click.echo(f"interrupted: {where}; resume with: {again}", err=True)
-        return INTERRUPTED
+        options = {
+            "--elements": elements,
+            "--domain": domain,
+            "--threads": threads,
+            "--max-updates": max_updates,
+            "--out": folder,
+            "--solver": None if solver == "auto" else solver,
+            "--report": report,
+            "--resume": True,
+        }
+        return _interrupted(folder, command_line(("optimize", case), options))
     make_console().print(points_table(problem, [float(q) for q in result.q]))
     for line in [*design_lines(result.design), *lines]:
         click.echo(line)
@@ -149,6 +140,17 @@ def optimize_command(
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1
     return OK if max_updates is not None and updates >= max_updates else NOT_CONVERGED
+
+
+def _interrupted(folder: Path, again: str) -> int:
+    """Close a run after Ctrl-C with its report, and say how it goes on."""
+    if not (folder / CHECKPOINT).exists():
+        return complain("interrupted before there was anything to save", INTERRUPTED)
+    with contextlib.suppress(NgspringError):
+        write_report(read_run(folder), folder / REPORT)
+    where = f"the last accepted design is saved in {folder}"
+    click.echo(f"interrupted: {where}; resume with: {again}", err=True)
+    return INTERRUPTED
 
 
 def _refuse_implausible(problem: SpringProblem, anyway: bool) -> None:
