@@ -336,3 +336,8 @@ def test_symmetry_of_functions() -> None:
     assert not is_symmetric(lambda x, y: 10 - abs(x - 20) + 0.1 * y, ROUND)
     assert level_set(lambda x, y: 10 - abs(x - 40), PLANE).problem.domain == "full"
     assert level_set(disc, PLANE).problem.domain == "quarter"
+
+
+def test_a_contour_there_and_back_along_a_side_encloses_nothing() -> None:
+    there, back = np.array([[10.0, 0.0], [20.0, 0.0]]), np.array([[20.0, 0.0], [10.0, 0.0]])
+    assert Loop((Piece(there), Piece(back, "bottom"))).area == 0

@@ -66,7 +66,11 @@ class Loop:
     @property
     def area(self) -> float:
         """Signed area of the polygon in mm^2; negative for the edge of a void."""
-        ring = shapely.LinearRing(self.polygon)
+        polygon = self.polygon
+        if len(polygon) < 3:
+            # There and back along a side; shapely makes no ring of two points.
+            return 0.0
+        ring = shapely.LinearRing(polygon)
         area = float(shapely.Polygon(ring).area)
         return area if ring.is_ccw else -area
 
