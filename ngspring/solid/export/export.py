@@ -125,26 +125,32 @@ def export_body(
     small: dict[str, Any] = {"smallest_island": smallest_island, "smallest_void": smallest_void}
     if chosen in ("vtu", "msh"):
         return _write_mesh(design, path, chosen, problem, level, small | mesh_options)
-    solid = problem is not None and problem.motion.axis and chosen in ("step", "stl")
     if chosen == "stl":
         spacing = min(problem.L, problem.H) / 100 if problem is not None else 1.0
         angle = 8 * tolerance / spacing
     else:
         spacing = min(problem.L, problem.H) / 25 if problem is not None else 1.0
         angle = _FIRST_ANGLE
-    shape, of = (design, problem) if solid else _whole_section(design, problem)
-    edges = outline(shape, of, level=level, domain="full", spacing=spacing, angle=angle, **small)
+    if problem is not None and chosen in ("svg", "dxf"):
+        design, problem = _SECTIONS[problem.motion.sweep](design, problem)
+    edges = outline(
+        design, problem, level=level, domain="full", spacing=spacing, angle=angle, **small
+    )
     if len(edges.parts) > 1:
         logger.info("%s: the spring consists of %d separate parts", path, len(edges.parts))
     return _WRITERS[chosen](edges, path, tolerance)
 
 
-def _whole_section(
-    design: Design | ChiFunction, problem: SpringProblem | None
-) -> tuple[Design | ChiFunction, SpringProblem | None]:
-    """Both halves of an axisymmetric spring's section, as if it were plane."""
-    if problem is None or not problem.motion.axis:
-        return design, problem
+def _as_drawn(
+    design: Design | ChiFunction, problem: SpringProblem
+) -> tuple[Design | ChiFunction, SpringProblem]:
+    return design, problem
+
+
+def _both_halves(
+    design: Design | ChiFunction, problem: SpringProblem
+) -> tuple[Design | ChiFunction, SpringProblem]:
+    """The section on both sides of the axis, as if it were plane."""
     plane = problem.replace(kinematics="plane strain")
     if isinstance(design, Design):
         return design, plane
@@ -154,6 +160,10 @@ def _whole_section(
         return chi(np.minimum(x, plane.L - x), y)
 
     return folded, plane
+
+
+#: What a drawing shows, by `Kinematics.sweep`.
+_SECTIONS = {"extruded": _as_drawn, "revolved": _both_halves}
 
 
 def _write_svg(edges: Outline, path: Path, tolerance: float) -> Exported:
