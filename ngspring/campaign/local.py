@@ -11,6 +11,7 @@ import contextlib
 import multiprocessing
 import signal
 import time
+from collections.abc import Iterator
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -21,6 +22,23 @@ from ngspring.campaign.plan import Run
 from ngspring.campaign.workers import Death, News, execute
 
 SECONDS_TO_STOP = 60.0
+
+
+@contextlib.contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """A process that is started here never hears Ctrl-C, not even while it still imports.
+
+    Ctrl-C reaches all processes of a terminal; the campaign alone decides. It gets the one that
+    comes in between afterwards.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # not a Unix system
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class LocalWorkers:
@@ -45,7 +63,8 @@ class LocalWorkers:
             name=f"ngspring {run.name}",
             daemon=True,
         )
-        process.start()
+        with _interrupts_held_back():
+            process.start()
         # Only the worker holds this end now: its death closes it.
         there.close()
         self._running[here] = run, process
