@@ -46,6 +46,6 @@ class NeoHooke(Law):
         return self.K / 2 * F.log_J * F.log_J + self.G / 2 * (isochoric - 3)
 
     def partial_derivatives(self, F: Deformation) -> tuple[Value, Value] | None:
-        """By hand: a coupled iteration assembles two fifths faster (see `docs/performance.md`)."""
+        """By hand: automatic ones take a fifth longer to assemble (`docs/performance.md`)."""
         isochoric = self.G * F.exp(-2 / 3 * F.log_J)
         return isochoric / 2, self.K * F.log_J - isochoric * F.I_1 / 3
