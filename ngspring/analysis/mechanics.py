@@ -22,7 +22,13 @@ from ngspring.fem.constraints import displacement_extraction, stretched
 from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import make_factorization, multiply, symmetric, wants_upper
 from ngspring.fem.process import giving_memory_back, tasks
-from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern
+from ngspring.fem.reduction import (
+    Pattern,
+    csr_pattern,
+    product_map,
+    product_pattern,
+    stored_values,
+)
 from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.void import VoidRegularisation, dx
@@ -222,7 +228,7 @@ class Mechanics:
         self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
         with tasks():
             self._form.AssembleLinearization(self._u.vec)
-        values = self._map @ self._form.mat.AsVector().FV().NumPy() + self._void_stiffness()
+        values = self._map @ stored_values(self._form) + self._void_stiffness()
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
         self._factorization.matrix.data[:] = values[self._inner_entries]
@@ -272,7 +278,7 @@ class Mechanics:
         with tasks():
             form.AssembleLinearization(self._u.vec)
         triangle = self._factorization.matrix.copy()
-        triangle.data = (self._map @ form.mat.AsVector().FV().NumPy())[self._inner_entries]
+        triangle.data = (self._map @ stored_values(form))[self._inner_entries]
         return symmetric(triangle)
 
     def _diagonal_at_rest(self) -> FloatArray:
@@ -281,7 +287,7 @@ class Mechanics:
             form = self._form
             with tasks():
                 form.AssembleLinearization(self._u.vec)
-            values = self._map @ form.mat.AsVector().FV().NumPy() + self._void_stiffness()
+            values = self._map @ stored_values(form) + self._void_stiffness()
             self._stiff_diagonal = values[self._inner_entries[self._diagonal]]
         return self._stiff_diagonal
 

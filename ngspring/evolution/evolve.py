@@ -51,9 +51,11 @@ class Evolution:
         Whether there is nothing more to do.
     message : str
         Why it ended without a stationary design; empty otherwise.
+    checkpoint : Checkpoint
+        All that is needed to continue from the last accepted update, see `evolve`.
     """
 
-    _checkpoint: Checkpoint
+    checkpoint: Checkpoint
     _state: State
 
     def __init__(
@@ -102,8 +104,9 @@ class Evolution:
         self._rows = checkpoint.history.rows()
         self._start = checkpoint.start
         self._seconds = self._rows[-1].seconds
-        self._checkpoint = checkpoint
-        self.over = self._rows[-1].is_end
+        self._rejected = self._rejected_iterations = 0
+        self.checkpoint = checkpoint
+        self.over, self.message, self._ended = self._rows[-1].is_end, "", {}
 
     def _set_up(self, threads: int) -> Update:
         """Make the system, and tell where the evolution stands."""
@@ -245,8 +248,8 @@ class Evolution:
         else:
             logger.info("dt %.1e rejected: %s", dt, reason)
         if accepted and not resumed:
-            self._checkpoint = self._standing()
-        return Update(accepted, row, dt, reason, self.design, self._checkpoint, resumed)
+            self.checkpoint = self._standing()
+        return Update(accepted, row, dt, reason, self.design, self.checkpoint, resumed)
 
     def _elapsed(self) -> float:
         """Seconds up to now, without those while no loop was going on."""
@@ -283,11 +286,6 @@ class Evolution:
             self.history,
             self._start,
         )
-
-    @property
-    def checkpoint(self) -> Checkpoint:
-        """All that is needed to continue from the last accepted update, see `evolve`."""
-        return self._checkpoint
 
     @property
     def result(self) -> Result:

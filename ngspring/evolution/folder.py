@@ -9,37 +9,26 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from ngspring.basics.errors import RunFolderError
+from ngspring.basics.files import remove_leftovers
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.problem.spring import SpringProblem
 
 try:
     import fcntl
 except ImportError:  # not a Unix system
     fcntl = None  # type: ignore[assignment]
 
-from ngspring.basics.errors import RunFolderError
-from ngspring.basics.files import remove_leftovers
-from ngspring.problem.spring import SpringProblem
-
 CHECKPOINT = "checkpoint.npz"
-
-
 DESIGN = "design.npz"
-
-
 HISTORY = "history.csv"
-
-
 SNAPSHOTS = "snapshots.npz"
-
-
 LOCK = ".lock"
-
 
 #: `in_use` holds the lock for an instant: no reason for a run to give up.
 _SECONDS_TO_LOCK = 0.2
-
 
 #: Short, so that many tries fall between the instants of a process that looks again and again.
 _SECONDS_BETWEEN_TRIES = 0.002

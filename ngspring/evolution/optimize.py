@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import numbers
 from collections.abc import Sequence
 from pathlib import Path
 
-from ngspring.basics.checks import positive_number, shown
+from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
 from ngspring.evolution.checkpoint import Checkpoint
@@ -16,7 +15,6 @@ from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, lock
 from ngspring.evolution.recorder import CheckpointRecorder, SnapshotRecorder, write_result
 from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
-from ngspring.fem.process import checked_threads
 from ngspring.kkt.newton import NewtonSettings
 from ngspring.kkt.start import Start
 from ngspring.problem.spring import SpringProblem
@@ -84,13 +82,9 @@ def optimize(
         isinstance(max_updates, int) and _is_number(max_updates) and max_updates > 0
     ):
         raise ProblemError(f"max_updates = {shown(max_updates)} must be an integer of at least 1")
-    if dt_initial is not None:
-        positive_number("dt_initial", dt_initial)
-    checked_threads(threads)
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
-    make = functools.partial(
-        evolve,
+    evolution = evolve(
         problem,
         initial,
         dt_initial,
@@ -101,18 +95,20 @@ def optimize(
         start_name=start_name,
     )
     if out is None:
-        return _loop(make(), max_updates, observers)
+        return _loop(evolution, max_updates, observers)
     folder = Path(out)
     with locked(folder):
-        evolution = make(resume_from=checkpoint_of(folder, problem, resume))
+        checkpoint = checkpoint_of(folder, problem, resume)
+        if checkpoint is not None:
+            evolution.continue_from(checkpoint)
         files = (CheckpointRecorder(folder / CHECKPOINT), SnapshotRecorder(folder / SNAPSHOTS))
         try:
             result = _loop(evolution, max_updates, (*files, *observers))
         except KeyboardInterrupt:
             # It may have come between any two lines: what counts is the last checkpoint.
             if (folder / CHECKPOINT).exists():
-                last = make(resume_from=Checkpoint.load(folder / CHECKPOINT))
-                write_result(folder, last.result)
+                evolution.continue_from(Checkpoint.load(folder / CHECKPOINT))
+                write_result(folder, evolution.result)
             raise
         write_result(folder, result)
         return result

@@ -139,6 +139,11 @@ def form_matrix(form: ng.BilinearForm) -> sp.csr_matrix:
     return sp.csr_matrix((values, columns, offsets.astype(np.int64)), shape=shape)
 
 
+def stored_values(form: ng.BilinearForm) -> FloatArray:
+    """Values of an assembled form in storage order (no copy)."""
+    return np.asarray(form.mat.AsVector().FV().NumPy())
+
+
 def csr_pattern(form: ng.BilinearForm) -> tuple[IntArray, IntArray]:
     """Rows and columns of the stored entries of an assembled form, in storage order."""
     _, columns, offsets = form.mat.CSR()

@@ -12,7 +12,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ngspring.basics.arrays import FloatArray, IntArray
-from ngspring.fem.reduction import Pattern, csr_pattern, product_map, product_pattern, scatter_map
+from ngspring.fem.reduction import (
+    Pattern,
+    csr_pattern,
+    product_map,
+    product_pattern,
+    scatter_map,
+    stored_values,
+)
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.void import VoidBlocks
 
@@ -105,15 +112,16 @@ class BlockMaps:
 
         # The forms of C_chi live on the same pattern as the chi-chi block.
         chi_entries = self._entries["chi_chi"]
-        for form_of_chi in (design.nonlinear, design.transient, design.quadratic):
+        for form_of_chi in (design.nonlinear, design.transient, *design.quadratic):
             r, c = csr_pattern(form_of_chi)
             if not (
                 np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
             ):
                 raise AssertionError("the patterns of the forms of chi differ")
         reduction = self._maps["chi_chi"]
-        self._transient = reduction @ design.transient.mat.AsVector().FV().NumPy()
-        self._quadratic = reduction @ design.quadratic.mat.AsVector().FV().NumPy()
+        self._transient = reduction @ stored_values(design.transient)
+        quadratic = [reduction @ stored_values(form) for form in design.quadratic]
+        self._quadratic = sum(quadratic, np.zeros_like(self._transient))
         self._arrange(patterns, chi.shape[1], free, points, upper)
 
     def _arrange(

@@ -310,39 +310,39 @@ class CoupledSystem:
             parts += [u + s * lam[:-1], u - s * lam[:-1], lam[-1:]]
         return np.concatenate(parts)
 
-    def _unpack(self, x: FloatArray) -> State:
-        s, n, nc = self._scale, self.free, self.coefficients
+    def _blocks(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """chi; and sum and difference of the halves, and the last row, of every control point."""
+        n, nc = self.free, self.coefficients
         blocks = x[nc:].reshape(len(self.points), 2 * n + 1)
         a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
-        return State(self._chi_unit * x[:nc], a + b, np.hstack([s * (a - b), top]))
+        return x[:nc], a + b, a - b, top
+
+    def _unpack(self, x: FloatArray) -> State:
+        chi, u, difference, top = self._blocks(x)
+        return State(self._chi_unit * chi, u, np.hstack([self._scale * difference, top]))
+
+    def _unpack_residual(self, x: FloatArray) -> Residual:
+        chi, u, difference, top = self._blocks(x)
+        lam = np.hstack([difference / (2 * self._scale), top])
+        return Residual(chi / self._chi_unit, u / 2, lam, {})
 
     def _block_norms(self, packed: FloatArray) -> FloatArray:
-        n, nc, s = self.free, self.coefficients, self._scale
-        blocks = packed[nc:].reshape(len(self.points), 2 * n + 1)
-        plus, minus = blocks[:, :n], blocks[:, n : 2 * n]
-        adjoint, equilibrium = (plus + minus) / 2, (plus - minus) / (2 * s)
-        return np.concatenate(
-            [
-                [np.linalg.norm(packed[:nc])],
-                np.linalg.norm(adjoint, axis=1),
-                np.linalg.norm(np.hstack([equilibrium, blocks[:, 2 * n :]]), axis=1),
-            ]
-        )
+        """Of chi (as it is packed), and of the adjoint and the equilibrium of every point."""
+        residual = self._unpack_residual(packed)
+        adjoint, equilibrium = (np.linalg.norm(a, axis=1) for a in (residual.u, residual.lam))
+        chi = np.linalg.norm(packed[: self.coefficients])
+        return np.concatenate([[chi], adjoint, equilibrium])
 
     def product(self, update: State) -> Residual:
         """Product of the last assembled Newton matrix with an update, in the plain unknowns.
 
         What `solve` inverts: ``product(solve(residual)) = -residual``.
         """
-        s, n = self._scale, self.free
+        s = self._scale
         parts = [update.chi / self._chi_unit]
         for u, lam in zip(update.u, update.lam, strict=True):
             parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:]]
-        y = self._multiply(np.concatenate(parts))
-        blocks = y[self.coefficients :].reshape(len(self.points), 2 * n + 1)
-        a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
-        chi = y[: self.coefficients] / self._chi_unit
-        return Residual(chi, (a + b) / 2, np.hstack([(a - b) / (2 * s), top]), {})
+        return self._unpack_residual(self._multiply(np.concatenate(parts)))
 
     def solve(self, residual: Residual) -> State:
         """Newton update ``-matrix^-1 residual``, refined until every block is solved.

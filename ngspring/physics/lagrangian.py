@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.grid import ScalarSpace
 from ngspring.fem.process import tasks
-from ngspring.fem.reduction import form_matrix
+from ngspring.fem.reduction import form_matrix, stored_values
 from ngspring.physics.chi import CF, rho, stiffness
 from ngspring.physics.elasticity import measure, virtual_work
 from ngspring.physics.terms import TERMS
@@ -122,7 +122,7 @@ class ControlPointForm:
             self.form.AssembleLinearization(self._state.vec)
         n = self.ndof
         blocks = self.void.blocks(at_points, vector[n : 3 * n], vector[3 * n :])
-        return self.form.mat.AsVector().FV().NumPy(), blocks
+        return stored_values(self.form), blocks
 
     def values(self, vector: FloatArray, eta: float) -> dict[str, float]:
         """The terms that depend on displacements, at one control point."""
@@ -160,7 +160,7 @@ class DesignForm:
         self.terms = {name: form(density) for name, density in densities.items()}
         fixed = [term.name for term in of_design if term.quadratic]
         self.nonlinear = form(*(d for name, d in densities.items() if name not in fixed))
-        self.quadratic = form(*(densities[name] for name in fixed))
+        self.quadratic = [self.terms[name] for name in fixed]
         self.transient = form(
             transient_energy(chi, ng.grad(chi), ng.CF(0.0), ng.CF((0, 0)), problem)
         )
@@ -168,7 +168,6 @@ class DesignForm:
         self._chi.vec[:] = 0.0
         self._result = self._chi.vec.CreateVector()
         self.transient_matrix = self._assembled(self.transient)
-        self._assembled(self.quadratic)
         self._matrices = {name: self._assembled(self.terms[name]) for name in fixed}
         self._table = ElementTable(scalar)
 
@@ -194,7 +193,7 @@ class DesignForm:
         self._load(chi)
         with tasks():
             self.nonlinear.AssembleLinearization(self._chi.vec)
-        return np.asarray(self.nonlinear.mat.AsVector().FV().NumPy())
+        return stored_values(self.nonlinear)
 
     def values(self, chi: FloatArray) -> dict[str, float]:
         """The terms of C_chi, and the volume V in mm^3 (Eq. 10 or 23) as "V"."""

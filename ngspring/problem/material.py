@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ngspring.basics.checks import finite_number, nearest, shown
+from ngspring.basics.checks import finite_number, nearest, positive_number, shown
 from ngspring.basics.errors import ProblemError
 
 #: Poisson's ratio of the paper's solid (K = 5/3 MPa, G = 5/14 MPa), and the one taken by default.
@@ -39,9 +39,7 @@ def bulk_and_shear_modulus(E: float, nu: float) -> tuple[float, float]:
     ProblemError
         If E is not positive, or nu not between -1 and 0.5, both excluded.
     """
-    E, nu = finite_number("E", E), finite_number("nu", nu)
-    if E <= 0.0:
-        raise ProblemError(f"E = {shown(E)} is not valid: it must be positive")
+    E, nu = positive_number("E", E), finite_number("nu", nu)
     if not -1.0 < nu < 0.5:
         raise ProblemError(
             f"nu = {shown(nu)} is not valid: it must be between -1 and 0.5, both excluded;"
@@ -60,10 +58,7 @@ def young_and_poisson(K: float, G: float) -> tuple[float, float]:
     ProblemError
         If K or G is not positive.
     """
-    K, G = finite_number("K", K), finite_number("G", G)
-    for name, value in (("K", K), ("G", G)):
-        if value <= 0.0:
-            raise ProblemError(f"{name} = {shown(value)} is not valid: it must be positive")
+    K, G = positive_number("K", K), positive_number("G", G)
     return 9 * K * G / (3 * K + G), (3 * K - 2 * G) / (6 * K + 2 * G)
 
 

@@ -18,8 +18,7 @@ Self = TypeVar("Self", bound="Law")
 class Deformation(Protocol):
     """What a law may ask of a deformation gradient F, with the functions for its kind of numbers.
 
-    `Stretches` is one of numbers and arrays, `ngspring.physics.deformation.Gradient` one of
-    NGSolve.
+    `Stretches` is one of numbers and arrays, `ngspring.physics.elasticity.Gradient` one of NGSolve.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.constraints import DisplacementExtraction
 from ngspring.fem.grid import Grid
 from ngspring.fem.process import tasks
-from ngspring.fem.reduction import csr_pattern, product_map, product_pattern
+from ngspring.fem.reduction import csr_pattern, product_map, product_pattern, stored_values
 from ngspring.physics.chi import CF
 from ngspring.physics.elasticity import measure, strain_energy, virtual_work
 from ngspring.solid.mesh.body import Body
@@ -144,7 +144,7 @@ class Solid:
         self.set(full)
         with tasks():
             self._form.AssembleLinearization(self.u.vec)
-        return self._pattern.matrix(self._map @ self._form.mat.AsVector().FV().NumPy())
+        return self._pattern.matrix(self._map @ stored_values(self._form))
 
     def inverted(self, full: FloatArray) -> bool:
         """Whether det F <= 0 at an integration point or a vertex."""
