@@ -56,7 +56,7 @@ def forces(design: Design) -> tuple[str, str, float]:
             reached.append(text)
     worst = worst_deviation(design.problem.control_points, design.info["q"])
     assert worst is not None
-    return ", ".join(targets), ", ".join(reached), worst
+    return ", ".join(targets), ", ".join(reached), abs(worst)
 
 
 def design_row(name: str) -> Row:

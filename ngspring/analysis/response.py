@@ -156,7 +156,7 @@ def load_displacement(
     if domain is not None:
         problem = problem.replace(domain=domain)
     targets = checked_displacements(displacements, problem)
-    with parallel(threads) as count:
+    with parallel(threads, problem) as count:
         scalar = ScalarSpace(Grid(problem))
         chi: ng.CoefficientFunction | FloatArray = design
         if isinstance(design, Design):

@@ -303,7 +303,7 @@ def stability(
         raise ProblemError(f"eta = {eta!r} must be a finite number")
     if modes < 1:
         raise ProblemError(f"modes = {modes!r} must be at least 1")
-    with parallel(threads) as count:
+    with parallel(threads, problem) as count:
         analysis = _Analysis(design, eta, modes, solver, count)
         rest = analysis.examine(analysis.rest)
         points = [rest]

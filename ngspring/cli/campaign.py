@@ -16,7 +16,7 @@ from ngspring.cli.arguments import command_line
 from ngspring.cli.options import INTERRUPTED, NOT_CONVERGED, OK
 from ngspring.cli.progress import live_or_lines, plain_line
 from ngspring.cli.tables import make_console, new_table
-from ngspring.view.text import duration
+from ngspring.view.text import duration, signed_percent
 
 
 @click.command("campaign")
@@ -157,7 +157,7 @@ def _results_table(outcomes: Iterable[Outcome]) -> Table:
             outcome.run.name,
             outcome.status,
             "\n".join(forces),
-            "" if worst is None else f"{100 * worst:.3f} %",
+            "" if worst is None else signed_percent(worst, 3),
             "" if outcome.width is None else f"{outcome.width:.4f}",
             whole(outcome.updates),
             whole(outcome.newton_iterations),

@@ -12,7 +12,7 @@ from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
 from ngspring.evolution.folder import read_design
 from ngspring.kkt.stationarity import Optimality, optimality
-from ngspring.view.text import deviation
+from ngspring.view.text import deviation_percent
 
 
 @click.command("check")
@@ -108,7 +108,9 @@ def add_check(
     reasons = []
     if not outcome.residual <= tolerance:
         reasons.append("residual")
-    judged = [dev for dev, point in zip(outcome.deviation, points, strict=True) if point.eta == 0]
+    judged = [
+        abs(dev) for dev, point in zip(outcome.deviation, points, strict=True) if point.eta == 0
+    ]
     if not all(dev <= force_tolerance for dev in judged):
         limit = f"{100 * force_tolerance:g} %"
         reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
@@ -117,7 +119,7 @@ def add_check(
         f"{outcome.residual:.1e}",
         "\n".join(f"{q:.6f}" for q in outcome.q),
         "\n".join(
-            deviation(float(q), point.q) + (f" (η = {point.eta:g})" if point.eta else "")
+            deviation_percent(float(q), point.q) + (f" (η = {point.eta:g})" if point.eta else "")
             for q, point in zip(outcome.q, points, strict=True)
         ),
         ratio,

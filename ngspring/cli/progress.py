@@ -15,7 +15,7 @@ from rich.table import Table
 from ngspring.design.history import Row
 from ngspring.evolution.updates import Observer, Update
 from ngspring.problem.spring import SpringProblem
-from ngspring.view.text import deviation, duration, point_label, width_symbol
+from ngspring.view.text import deviation_percent, duration, point_label, width_symbol
 
 News = TypeVar("News", contravariant=True)
 
@@ -71,7 +71,7 @@ class LiveTable:
         table.add_row(width_symbol(problem), f"{row.width:.4f}")
         for q, point in zip(row.q, problem.control_points, strict=True):
             name = f"q [N] at {point_label(point)}"
-            table.add_row(name, f"{q:.4f}", f"{point.q:g}", deviation(q, point.q))
+            table.add_row(name, f"{q:.4f}", f"{point.q:g}", deviation_percent(q, point.q))
         table.add_row("elapsed", duration(row.seconds + since))
         if self._rejected:
             table.caption = self._rejected

@@ -11,7 +11,7 @@ from rich.table import Table
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.problem.spring import SpringProblem
-from ngspring.view.text import deviation, duration, width_symbol
+from ngspring.view.text import deviation_percent, duration, width_symbol
 
 
 def make_console() -> Console:
@@ -33,7 +33,7 @@ def points_table(problem: SpringProblem, forces: Sequence[float | None]) -> Tabl
     """Reached forces against their targets; None where the path ends before."""
     table = new_table("d [mm]", "η", "target q [N]", "reached q [N]", "deviation")
     for point, q in zip(problem.control_points, forces, strict=True):
-        reached = ("not reached", "") if q is None else (f"{q:.6f}", deviation(q, point.q))
+        reached = ("not reached", "") if q is None else (f"{q:.6f}", deviation_percent(q, point.q))
         table.add_row(f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *reached)
     return table
 

@@ -127,7 +127,7 @@ class Evolution:
         # Why an earlier loop was left is of no importance to one that goes on.
         if not self.over:
             self.message, self._ended = "", {}
-        with parallel(self._threads) as count:
+        with parallel(self._threads, self.problem) as count:
             self._clock = time.perf_counter()
             if self._stepper is None:
                 yield self._set_up(count)

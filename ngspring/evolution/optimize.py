@@ -54,7 +54,7 @@ def optimize(
     resume : bool
         Continue the run in ``out``; a finished one is returned as it is.
     threads : int, optional
-        All available ones by default.
+        All available ones by default, or one on a mesh too small for more.
     solver : str
         See `ngspring.fem.linear.make_factorization`.
     rule : LeapRule or StepRule, optional

@@ -132,7 +132,7 @@ def compound_state(
         fields.lagrangian().Energy(fields.state.vec)
     """
     problem = design.problem if domain is None else design.problem.replace(domain=domain)
-    with parallel(threads) as count:
+    with parallel(threads, problem) as count:
         system = CoupledSystem(problem, solver, count)
         if state is None:
             state = initial_state(system, design)

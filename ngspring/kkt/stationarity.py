@@ -11,6 +11,7 @@ from ngspring.design.design import Design
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.system import CoupledSystem, Residual, State
+from ngspring.problem.point import deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,8 @@ class Optimality:
     q, targets : arrays
         Reaction forces and target forces at the control points in N.
     deviation : array
-        ``|q - q_*| / |q_*|``.
+        Relative to the targets, or the largest one where nothing is asked for; positive is stiffer
+        or stronger than asked.
     """
 
     residual: float
@@ -38,7 +40,9 @@ class Optimality:
     @property
     def deviation(self) -> FloatArray:
         """Relative deviation of each reaction force from its target."""
-        return np.abs(self.q - self.targets) / np.maximum(np.abs(self.targets), 1e-300)
+        sizes = np.abs(self.targets)
+        sizes = np.where(sizes == 0.0, sizes.max(), sizes)
+        return np.asarray(deviation(self.q, self.targets) / np.where(sizes == 0.0, np.nan, sizes))
 
 
 def _relative(residual: Residual) -> float:
@@ -73,7 +77,7 @@ def optimality(
         If a control point cannot be reached from the undeformed state.
     """
     problem = design.problem if domain is None else design.problem.replace(domain=domain)
-    with parallel(threads) as count:
+    with parallel(threads, problem) as count:
         system = CoupledSystem(problem, solver, count)
         state = initial_state(system, design)
         residual = system.residual(state, state.chi, np.inf)

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import finite_number, refused
 
 
@@ -45,14 +49,29 @@ class ControlPoint:
             raise refused("weight", self.weight, "positive")
 
 
+def deviation(q: ArrayLike, target: ArrayLike) -> FloatArray:
+    """Deviation of forces from others in size: positive is stiffer or stronger, whatever the side.
+
+    In N; where nothing is asked for, the size of the force.
+    """
+    q, target = np.asarray(q, dtype=float), np.asarray(target, dtype=float)
+    return np.asarray(np.where(target == 0.0, np.abs(q), (q - target) * np.sign(target)))
+
+
+def relative_deviation(q: ArrayLike, target: ArrayLike) -> FloatArray:
+    """`deviation` as a share of what is asked for; NaN where that is nothing."""
+    size = np.abs(np.asarray(target, dtype=float))
+    return deviation(q, target) / np.where(size == 0.0, np.nan, size)
+
+
 def worst_deviation(points: Iterable[ControlPoint], forces: Iterable[float]) -> float | None:
-    """Largest relative deviation of a force from its target, for points without eta.
+    """The relative deviation that is largest in size, for points without eta.
 
     None if there is no force yet, or no target to compare it with.
     """
     far = [
-        abs(q / point.q - 1)
+        float(relative_deviation(q, point.q))
         for point, q in zip(points, forces, strict=False)
         if point.q and not point.eta
     ]
-    return max(far, default=None)
+    return max(far, key=abs, default=None)

@@ -18,7 +18,7 @@ from ngspring.analysis.states import curve_displacements, force_at, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
 from ngspring.design.design import Design
-from ngspring.problem.point import ControlPoint
+from ngspring.problem.point import ControlPoint, deviation, relative_deviation
 from ngspring.solid.contact.response import (
     ContactResponse,
     ContactSettings,
@@ -50,13 +50,13 @@ class PointVerdict:
 
     @property
     def deviation(self) -> float:
-        """q_contact - q_third_medium in N."""
-        return self.q_contact - self.q_third_medium
+        """In N; positive where the solid is stiffer or stronger, in compression, too."""
+        return float(deviation(self.q_contact, self.q_third_medium))
 
     @property
     def relative(self) -> float:
         """Deviation relative to the third medium's force."""
-        return self.deviation / self.q_third_medium if self.q_third_medium else float("nan")
+        return float(relative_deviation(self.q_contact, self.q_third_medium))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class Verification:
         -------
         d, deviation, relative : float
             Displacement in mm, deviation in N, and the deviation relative to the third medium's
-            force there, as in `PointVerdict`: positive where the solid is stiffer.
+            force there, as in `PointVerdict`: positive where the solid is stiffer or stronger.
         """
         return largest_deviation(*self.path)
 
@@ -160,7 +160,7 @@ class Verification:
     def to_dict(self) -> dict[str, Any]:
         """Everything in JSON types; what is not a finite number is None."""
         quality = self.body.quality
-        place, deviation, relative = self.largest_deviation
+        place, far, relative = self.largest_deviation
         stretch, x, y = self.largest_stretch
         d, q, q_contact = self.path
         contact = self.contact
@@ -180,7 +180,7 @@ class Verification:
             ],
             "largest_deviation": {
                 "d": finite_or_none(place),
-                "deviation": finite_or_none(deviation),
+                "deviation": finite_or_none(far),
                 "relative": finite_or_none(relative),
             },
             "contact_starts": list(contact.contact_starts),
@@ -275,10 +275,9 @@ def largest_deviation(
     """
     if not len(d):
         return float("nan"), float("nan"), float("nan")
-    deviation = q_contact - q
-    k = int(np.abs(deviation).argmax())
-    relative = float(deviation[k] / q[k]) if q[k] else float("nan")
-    return float(d[k]), float(deviation[k]), relative
+    k = int(np.abs(q_contact - q).argmax())
+    far, relative = deviation(q_contact[k], q[k]), relative_deviation(q_contact[k], q[k])
+    return float(d[k]), float(far), float(relative)
 
 
 def _largest(values: FloatArray) -> float:

@@ -27,7 +27,7 @@ from ngspring.problem.spring import SpringProblem
 from ngspring.view.design import density_figure
 from ngspring.view.html import link, page, picture
 from ngspring.view.run import convergence_figure, forces_figure, reached_figure
-from ngspring.view.text import deviation, duration, step, width_symbol
+from ngspring.view.text import deviation_percent, duration, signed_percent, step, width_symbol
 
 logger = logging.getLogger(__name__)
 
@@ -117,7 +117,7 @@ def _targets(state: RunState) -> list[tuple[str, ...]]:
     for j, point in enumerate(points):
         found = (_NO_NUMBER, _NO_NUMBER)
         if forces is not None:
-            found = (f"{forces[j]:.4f}", deviation(forces[j], point.q))
+            found = (f"{forces[j]:.4f}", deviation_percent(forces[j], point.q))
         rows.append((f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *found))
     return rows
 
@@ -284,7 +284,7 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     design, history, forces = state.design, state.design.history, forces_of(state.design)
     width = f"{design.relative_width:.4f}"
     far = worst_deviation(design.problem.control_points, forces or ())
-    worst = _NO_NUMBER if far is None else f"{100 * far:.3f} %"
+    worst = _NO_NUMBER if far is None else signed_percent(far, 3)
     status = f"{state.status}: {state.reason}" if state.reason else state.status
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER

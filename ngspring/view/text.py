@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ngspring.problem.point import ControlPoint
+from ngspring.problem.point import ControlPoint, relative_deviation
 from ngspring.problem.spring import SpringProblem
 
 
@@ -43,9 +43,9 @@ def step(dt: float) -> str:
     return "∞" if math.isinf(dt) else f"{dt:.1e}"
 
 
-def deviation(q: float, target: float) -> str:
-    """Deviation of a force from its target in percent."""
-    return signed_percent((q - target) / abs(target), 3) if target else f"{q:+.2e} N"
+def deviation_percent(q: float, target: float) -> str:
+    """Deviation of a force from its target in percent: positive is stiffer or stronger."""
+    return signed_percent(float(relative_deviation(q, target)), 3) if target else f"{q:+.2e} N"
 
 
 def deviation_text(d: float, deviation: float, relative: float) -> str:

@@ -34,7 +34,7 @@ from ngspring.problem.cases import cases
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
-from ngspring.view.text import deviation, duration
+from ngspring.view.text import deviation_percent, duration
 
 PICTURES = ("convergence.png", "design.png")
 FILES = {
@@ -467,10 +467,10 @@ def test_live_table() -> None:
 
 def test_formats() -> None:
     assert duration(59.9) == "0:59"
-    assert deviation(-2.002, -2.0) == "-0.100 %"
-    assert deviation(0.5, 0.0) == "+5.00e-01 N"
+    assert deviation_percent(-2.002, -2.0) == deviation_percent(2.002, 2.0) == "+0.100 %"
+    assert deviation_percent(0.5, 0.0) == "+5.00e-01 N"
     # What is rounded to 0 has no sign, on either side.
-    assert deviation(-2.0 + 1e-9, -2.0) == deviation(-2.0 - 1e-9, -2.0) == "0.000 %"
+    assert deviation_percent(-2.0 + 1e-9, -2.0) == deviation_percent(-2.0 - 1e-9, -2.0) == "0.000 %"
 
 
 # -- bad input -------------------------------------------------------------------------------------

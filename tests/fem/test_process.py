@@ -7,7 +7,8 @@ import pytest
 import ngspring
 from ngspring.analysis.stability import stability
 from ngspring.basics.errors import ProblemError
-from ngspring.fem.process import available, checked_threads
+from ngspring.fem.process import available, checked_threads, parallel
+from ngspring.problem.cases import cases
 
 PROBLEM = ngspring.SpringProblem((ngspring.ControlPoint(5.0, 1.0),), elements=8)
 WRONG = [0, -1, 100_000, 2.0, True, "2", float("nan")]
@@ -36,4 +37,14 @@ def test_every_analysis_asks_the_same_check(threads: int) -> None:
 
 def test_all_processors_are_used_by_default() -> None:
     assert checked_threads(None) == available()
-    assert checked_threads(1) == 1
+    with parallel(None, cases["C7"].replace(elements=16, l_i=5.0)) as count:
+        assert count == available()
+
+
+def test_a_mesh_too_small_for_more_threads_is_given_one_unless_more_are_asked_for() -> None:
+    small = cases["C7"].replace(elements=14, l_i=6.0)
+    for threads, right in ((None, 1), (2, 2)):
+        with parallel(threads, small) as count:
+            assert count == right
+    with parallel(None, small.replace(domain="full")) as count:
+        assert count == available()
