@@ -28,13 +28,13 @@ SECONDS_TO_STOP = 60.0
 def _interrupts_held_back() -> Iterator[None]:
     """A process that is started here never hears Ctrl-C, not even while it still imports.
 
-    Ctrl-C reaches all processes of a terminal; the campaign alone decides. It gets the one that
-    comes in between afterwards.
+    Ctrl-C, or that the terminal was closed, reaches all processes of a terminal; the campaign alone
+    decides. It gets the one that comes in between afterwards.
     """
     if not hasattr(signal, "pthread_sigmask"):  # not a Unix system
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
         yield
     finally:
@@ -126,7 +126,9 @@ def _work(run: Run, out: Path, threads: int, pipe: Connection) -> None:
         raise KeyboardInterrupt
 
     # Ctrl-C reaches all processes of a terminal; the campaign alone decides, and says SIGTERM.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in ("SIGINT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, stop)
     # Without the campaign's process there is nobody to tell: then the run ends, to be resumed.
     with contextlib.suppress(OSError, KeyboardInterrupt):

@@ -12,8 +12,7 @@ from ngspring.basics.errors import ConvergenceError, NgspringError, RunFolderErr
 from ngspring.campaign.outcome import CONVERGED, FAILED, INTERRUPTED, NOT_CONVERGED, Outcome
 from ngspring.campaign.plan import Run
 from ngspring.design.design import Design
-from ngspring.evolution.checkpoint import Checkpoint
-from ngspring.evolution.folder import CHECKPOINT, DESIGN, read_design
+from ngspring.evolution.folder import CHECKPOINT, DESIGN, last_checkpoint, read_design
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Observer, Update
@@ -99,7 +98,7 @@ def _start(run: Run, out: Path) -> Design | None:
     """The design to begin from; None if the run goes on from its checkpoint."""
     folder = out / run.name
     if (folder / CHECKPOINT).exists():
-        checkpoint = Checkpoint.load(folder / CHECKPOINT)
+        checkpoint = last_checkpoint(folder)
         if checkpoint.problem == run.problem and checkpoint.start != run.start_name:
             raise RunFolderError(
                 f"{folder} holds an unfinished run from {checkpoint.start}, not from"

@@ -13,8 +13,9 @@ from ngspring.campaign.plan import read_campaign
 from ngspring.campaign.results import RESULTS_CSV, RESULTS_JSON
 from ngspring.campaign.run import Event, run_campaign
 from ngspring.cli.arguments import command_line
-from ngspring.cli.options import INTERRUPTED, NOT_CONVERGED, OK
+from ngspring.cli.options import NOT_CONVERGED, OK
 from ngspring.cli.progress import live_or_lines, plain_line
+from ngspring.cli.signals import INTERRUPTED
 from ngspring.cli.tables import make_console, new_table
 from ngspring.view.text import duration, signed_percent
 

@@ -6,13 +6,9 @@ once and the modules import what they need at their top.
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import logging
-import signal
 import sys
-import threading
-from collections.abc import Iterator
 from typing import Any
 
 import click
@@ -21,13 +17,14 @@ from ngspring.basics.errors import ConvergenceError, NgspringError
 from ngspring.basics.version import __version__
 from ngspring.cli.options import (
     BAD_INPUT,
-    INTERRUPTED,
     LOGGING,
     NOT_CONVERGED,
     OK,
     complain,
     log_to,
 )
+from ngspring.cli.signals import INTERRUPTED, leaving_at_once, terminated_as_interrupted
+from ngspring.cli.streams import tolerant_streams
 
 #: Each command with its short help. The command ``name`` is ``name_command`` in ``name.py`` here.
 COMMANDS = {
@@ -58,7 +55,8 @@ class _LazyGroup(click.Group):
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
         command = super().get_command(context, name)
         if command is not None and command.callback is None:
-            module = importlib.import_module(f"ngspring.cli.{name}")
+            with leaving_at_once():
+                module = importlib.import_module(f"ngspring.cli.{name}")
             command = getattr(module, f"{name}_command")
             command.short_help = COMMANDS[name]
             command.params.extend(LOGGING)
@@ -70,42 +68,25 @@ class _LazyGroup(click.Group):
             formatter.write_dl(sorted(COMMANDS.items()))
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        kwargs["standalone_mode"] = False
+        with tolerant_streams():
+            code = self._outcome(*args, **kwargs, standalone_mode=False)
+        sys.exit(code)
+
+    def _outcome(self, *args: Any, **kwargs: Any) -> int:
+        """The exit code; what went wrong is said."""
         try:
-            with _terminated_as_interrupted():
-                code = super().main(*args, **kwargs)
+            with terminated_as_interrupted():
+                return super().main(*args, **kwargs) or OK
         except click.ClickException as error:
-            code = complain(error.format_message(), BAD_INPUT)
+            return complain(error.format_message(), BAD_INPUT)
         except (click.Abort, KeyboardInterrupt):
-            code = complain("interrupted", INTERRUPTED)
+            return complain("interrupted", INTERRUPTED)
         except NgspringError as error:
-            code = complain(str(error), BAD_INPUT)
+            return complain(str(error), BAD_INPUT)
         except ConvergenceError as error:
-            code = complain(str(error), NOT_CONVERGED)
+            return complain(str(error), NOT_CONVERGED)
         except MemoryError:
-            code = complain("not enough memory: use fewer elements", BAD_INPUT)
-        sys.exit(code or OK)
-
-
-@contextlib.contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """Make SIGTERM end a command as Ctrl-C does: what was reached is written, workers are stopped.
-
-    A campaign that was simply killed would leave its workers behind until their next update.
-    """
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    # Only the main thread may set handlers; elsewhere the caller has its own.
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+            return complain("not enough memory: use fewer elements", BAD_INPUT)
 
 
 @click.group(
@@ -133,8 +114,3 @@ cli.params.extend(LOGGING)
 for _name, _help in COMMANDS.items():
     # Known by name, for click's suggestions; the group puts the real one in its place.
     cli.add_command(click.Command(_name, short_help=_help))
-
-
-def main() -> None:
-    """Entry point of the console script."""
-    cli.main(prog_name="ngspring")

@@ -12,7 +12,6 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import DesignFileError, NgspringError, ProblemError
 from ngspring.cli.arguments import command_line, read_problem
 from ngspring.cli.options import (
-    INTERRUPTED,
     NOT_CONVERGED,
     OK,
     complain,
@@ -21,6 +20,7 @@ from ngspring.cli.options import (
     threads_option,
 )
 from ngspring.cli.progress import shown_progress
+from ngspring.cli.signals import INTERRUPTED
 from ngspring.cli.tables import design_lines, make_console, points_table
 from ngspring.design.design import Design
 from ngspring.design.gallery import UnknownDesignError, gallery

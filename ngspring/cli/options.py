@@ -13,7 +13,7 @@ import click
 from ngspring.basics.errors import NgspringError
 from ngspring.problem.sector import DOMAINS
 
-OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+OK, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from ngspring.basics.errors import RunFolderError
-from ngspring.basics.files import remove_leftovers
+from ngspring.basics.errors import DesignFileError, RunFolderError
+from ngspring.basics.files import remove_leftovers, replacing
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
 from ngspring.evolution.checkpoint import Checkpoint
@@ -21,7 +23,11 @@ try:
 except ImportError:  # not a Unix system
     fcntl = None  # type: ignore[assignment]
 
+logger = logging.getLogger(__name__)
+
 CHECKPOINT = "checkpoint.npz"
+#: The one before, for a disk that damages files.
+PREVIOUS = "checkpoint-before.npz"
 DESIGN = "design.npz"
 HISTORY = "history.csv"
 SNAPSHOTS = "snapshots.npz"
@@ -95,6 +101,38 @@ def in_use_since(folder: Path) -> float:
         return 0.0
 
 
+def keep_previous(path: Path) -> None:
+    """Keep the checkpoint that is about to be replaced.
+
+    Raises
+    ------
+    RunFolderError
+        If it cannot be written.
+    """
+    if path.exists():
+        with replacing(path.with_name(PREVIOUS), logging.DEBUG) as temporary:
+            shutil.copyfile(path, temporary)
+
+
+def last_checkpoint(folder: Path) -> Checkpoint:
+    """The last checkpoint of a run folder, or the one before if that is damaged.
+
+    Raises
+    ------
+    DesignFileError
+        If neither can be read; the message is about the last one.
+    """
+    try:
+        return Checkpoint.load(folder / CHECKPOINT)
+    except DesignFileError as error:
+        try:
+            before = Checkpoint.load(folder / PREVIOUS)
+        except DesignFileError:
+            raise error from None
+        logger.warning("%s; the one before is used, of update %d", error, len(before.history) - 1)
+        return before
+
+
 def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
     """The checkpoint to resume in a run folder; None if there is no run yet.
 
@@ -114,7 +152,7 @@ def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpo
         raise RunFolderError(
             f"{folder} holds a run already: resume it (--resume) or choose another folder"
         )
-    checkpoint = Checkpoint.load(path)
+    checkpoint = last_checkpoint(folder)
     if checkpoint.problem != problem:
         raise RunFolderError(
             f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"

@@ -9,9 +9,8 @@ from pathlib import Path
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
-from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.evolve import Evolution, evolve
-from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, locked
+from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, last_checkpoint, locked
 from ngspring.evolution.recorder import CheckpointRecorder, SnapshotRecorder, write_result
 from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
@@ -107,7 +106,7 @@ def optimize(
         except KeyboardInterrupt:
             # It may have come between any two lines: what counts is the last checkpoint.
             if (folder / CHECKPOINT).exists():
-                evolution.continue_from(Checkpoint.load(folder / CHECKPOINT))
+                evolution.continue_from(last_checkpoint(folder))
                 write_result(folder, evolution.result)
             raise
         write_result(folder, result)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ngspring.basics.errors import DesignFileError
 from ngspring.basics.files import PathLike, write_text
 from ngspring.design.snapshots import LARGEST, Snapshots
-from ngspring.evolution.folder import DESIGN, HISTORY
+from ngspring.evolution.folder import DESIGN, HISTORY, keep_previous
 from ngspring.evolution.updates import Result, Update
 from ngspring.problem.spring import SpringProblem
 
@@ -21,6 +21,8 @@ logger = logging.getLogger(__name__)
 
 class CheckpointRecorder:
     """Observer for `ngspring.optimize` that keeps a checkpoint of every accepted update.
+
+    The one before is kept, too, see `ngspring.evolution.folder.last_checkpoint`.
 
     Parameters
     ----------
@@ -34,6 +36,7 @@ class CheckpointRecorder:
     def __call__(self, update: Update) -> None:
         """Take in a design update."""
         if update.accepted and not update.resumed and update.checkpoint is not None:
+            keep_previous(self.path)
             update.checkpoint.save(self.path)
 
 

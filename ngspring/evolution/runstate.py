@@ -19,7 +19,7 @@ from ngspring.basics.errors import DesignFileError, RunFolderError
 from ngspring.basics.files import PathLike
 from ngspring.design.design import Design
 from ngspring.evolution.checkpoint import Checkpoint
-from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since
+from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since, last_checkpoint
 
 RUNNING, STALE, CONVERGED = "running", "stale", "converged"
 STOPPED, FAILED = "stopped", "failed"
@@ -155,7 +155,7 @@ def read_run(folder: PathLike, ended: bool = False) -> RunState:
     if held:
         # A run that was resumed after a pause takes its time for the first update, too.
         updated = max(updated, in_use_since(folder))
-    design = _design_of(Checkpoint.load(path))
+    design = _design_of(last_checkpoint(folder))
     status, reason = _status(design, folder, held, time.time() - updated)
     curve = _curve(folder, design)
     closing = status == CONVERGED and held is True and curve is None

@@ -181,7 +181,7 @@ def test_no_convergence_is_code_3_with_pictures(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
-@pytest.mark.parametrize("interrupt", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("interrupt", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_saves_and_says_how_to_resume(
     tmp_path: Path, interrupt: signal.Signals
 ) -> None:

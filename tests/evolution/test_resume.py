@@ -25,7 +25,8 @@ from ngspring.evolution.checkpoint import Checkpoint
 
 PROBLEM = ngspring.cases["C4"].replace(elements=8, l_i=10.0)
 ROOT = Path(ngspring.__file__).parents[1]
-CHECKPOINT, DESIGN, HISTORY = "checkpoint.npz", "design.npz", "history.csv"
+CHECKPOINT, PREVIOUS = "checkpoint.npz", "checkpoint-before.npz"
+DESIGN, HISTORY = "design.npz", "history.csv"
 
 SCRIPT = """
 import sys, time
@@ -115,11 +116,12 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 @pytest.fixture
 def folder(tmp_path: Path, begun: dict[str, bytes]) -> Path:
-    """A run folder of its own, three updates into the run."""
+    """A run folder of its own, three updates into the run, with nothing but the last checkpoint."""
     folder = tmp_path / "run"
     folder.mkdir()
     for name, content in begun.items():
-        (folder / name).write_bytes(content)
+        if name != PREVIOUS:
+            (folder / name).write_bytes(content)
     return folder
 
 
@@ -338,6 +340,20 @@ def test_a_checkpoint_with_a_wrong_part_is_a_design_file_error(
             bad.flat[0] = wrong
         np.savez(folder / CHECKPOINT, **{**parts, name: bad})
         assert_damage_is_noticed(folder)
+
+
+def test_a_run_whose_checkpoint_is_damaged_goes_on_from_the_one_before(
+    folder: Path, begun: dict[str, bytes], caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = resume(folder, max_updates=4).design
+    (folder / PREVIOUS).write_bytes(begun[PREVIOUS])
+    (folder / CHECKPOINT).write_bytes(begun[CHECKPOINT][:-100])
+    assert ngspring.read_run(folder).design.history is not None
+    seen: list[ngspring.Update] = []
+    again = resume(folder, max_updates=4, observers=[seen.append]).design
+    assert "the one before is used, of update 2" in caplog.text
+    assert [update.row.update for update in seen] == [2, 3, 4]
+    np.testing.assert_allclose(again.coefficients, whole.coefficients, rtol=0, atol=1e-9)
 
 
 def test_a_damaged_checkpoint_leaves_the_design_beside_it(folder: Path) -> None:
