@@ -31,6 +31,7 @@ from ngspring.fem.reduction import (
 )
 from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
+from ngspring.physics.grey import grey_share
 from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.scaling import force_unit
 
@@ -205,6 +206,12 @@ class Mechanics:
         with tasks():
             neo_hookean = float(self._form.Energy(self._u.vec))
         return neo_hookean + 0.5 * float(full @ self.void.forces(self._at_points, full))
+
+    def grey_share(self, d: float, u: FloatArray) -> float:
+        """Share of the strain energy in material that is neither solid nor void."""
+        self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
+        mesh = self.scalar.grid.mesh
+        return grey_share(self.chi, self._u, mesh, self.problem)
 
     def forces(self, d: float, u: FloatArray) -> FloatArray:
         """dE/d(u, d): forces on the free displacements, and q as the last entry."""

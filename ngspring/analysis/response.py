@@ -23,7 +23,7 @@ from ngspring.problem.spring import SpringProblem
 logger = logging.getLogger(__name__)
 
 
-_PER_POINT = ("d", "q", "energy", "stiffness", "u", "nodes_u")
+_PER_POINT = ("d", "q", "energy", "stiffness", "grey", "u", "nodes_u")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,8 @@ class Response:
         Strain energy in N mm; ``dE/dd = q``.
     stiffness : array (points,)
         dq/dd in N/mm.
+    grey : array (points,)
+        Share of the strain energy where the density is between 0.1 and 0.9.
     u : array (points, 2, ndof)
         Displacement fields, dofs of the VectorH1 space of order 2 on the mesh of `grid`.
     nodes_u : array (points, 2, 2 nx + 1, 2 ny + 1)
@@ -60,6 +62,7 @@ class Response:
     q: FloatArray
     energy: FloatArray
     stiffness: FloatArray
+    grey: FloatArray
     u: FloatArray
     nodes_u: FloatArray
     complete: bool
@@ -186,6 +189,7 @@ def load_displacement(
         points = in_order(targets, points)
         fields = [mechanics.full_field(point.d, point.u) for point in points]
         energies = [mechanics.energy(point.d, point.u) for point in points]
+        grey = [mechanics.grey_share(point.d, point.u) for point in points]
     n = scalar.ndof
     nodes = [[nodal_values(scalar, f[:n]), nodal_values(scalar, f[n:])] for f in fields]
     nx, ny = scalar.grid.cells
@@ -195,6 +199,7 @@ def load_displacement(
         q=np.array([point.q for point in points]),
         energy=np.array(energies),
         stiffness=np.array([point.stiffness for point in points]),
+        grey=np.array(grey),
         u=np.array(fields).reshape(-1, 2, n),
         nodes_u=np.array(nodes).reshape(-1, 2, 2 * nx + 1, 2 * ny + 1),
         complete=not messages,

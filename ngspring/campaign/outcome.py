@@ -8,6 +8,7 @@ from pathlib import Path
 from ngspring.basics.errors import DesignFileError
 from ngspring.campaign.plan import Run
 from ngspring.design.design import Design
+from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import DESIGN
 from ngspring.problem.point import worst_deviation
 
@@ -36,6 +37,8 @@ class Outcome:
     updates, newton_iterations : int or None
     seconds : float or None
         Time the design took, interrupted pieces included.
+    flaw : str
+        Why a converged design is no part, see `ngspring.design.soundness`.
     """
 
     run: Run
@@ -47,6 +50,7 @@ class Outcome:
     updates: int | None = None
     newton_iterations: int | None = None
     seconds: float | None = None
+    flaw: str = ""
 
     @property
     def converged(self) -> bool:
@@ -81,6 +85,7 @@ class Outcome:
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
             None if history is None else history.last().seconds,
+            flaw(design) if status == CONVERGED else "",
         )
 
 

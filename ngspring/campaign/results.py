@@ -36,6 +36,7 @@ def record(outcome: Outcome) -> dict[str, Any]:
         "minutes": None if outcome.seconds is None else outcome.seconds / 60,
         "start": outcome.start,
         "message": outcome.message,
+        "flaw": outcome.flaw,
     }
 
 

@@ -13,7 +13,7 @@ from ngspring.campaign.plan import read_campaign
 from ngspring.campaign.results import RESULTS_CSV, RESULTS_JSON
 from ngspring.campaign.run import Event, run_campaign
 from ngspring.cli.arguments import command_line
-from ngspring.cli.options import NOT_CONVERGED, OK
+from ngspring.cli.options import NOT_CONVERGED, OK, UNSOUND
 from ngspring.cli.progress import live_or_lines, plain_line
 from ngspring.cli.signals import INTERRUPTED
 from ngspring.cli.tables import make_console, new_table
@@ -48,7 +48,8 @@ def campaign_command(
     """Compute the runs listed in a TOML file, several at a time, each in a folder of its own.
 
     The same command again resumes what was stopped, repeats what failed, and leaves alone what is
-    finished. Exit code 3 if not all runs converged.
+    finished. Exit code 3 if not all runs converged, 4 if one
+    of them to what is no part (not connected, or held by grey).
     """
     campaign = read_campaign(file)
     folder = Path("runs", file.stem) if out is None else out
@@ -84,7 +85,11 @@ def campaign_command(
     missed = sum(not outcome.converged for outcome in outcomes)
     if missed:
         click.echo(f"not converged: {missed} of {len(outcomes)} runs", err=True)
-    return NOT_CONVERGED if missed else OK
+        return NOT_CONVERGED
+    flawed = sum(bool(outcome.flaw) for outcome in outcomes)
+    if flawed:
+        click.echo(f"no part: {flawed} of {len(outcomes)} runs, see the table", err=True)
+    return UNSOUND if flawed else OK
 
 
 def _tell(event: Event) -> None:
@@ -164,6 +169,6 @@ def _results_table(outcomes: Iterable[Outcome]) -> Table:
             whole(outcome.newton_iterations),
             "" if outcome.seconds is None else duration(outcome.seconds),
             outcome.start,
-            outcome.message,
+            "; ".join(filter(None, (outcome.message, outcome.flaw))),
         )
     return table

@@ -6,10 +6,11 @@ import click
 from rich.table import Table
 
 from ngspring.basics.errors import ConvergenceError, ProblemError
-from ngspring.cli.options import FAILED, OK, threads_option
+from ngspring.cli.options import FAILED, OK, UNSOUND, threads_option
 from ngspring.cli.tables import make_console
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
+from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import read_design
 from ngspring.kkt.stationarity import Optimality, optimality
 from ngspring.view.text import deviation_percent
@@ -43,7 +44,8 @@ def check_command(
     """Check that designs are stationary points and meet their targets (within 0.1 %).
 
     Everything is computed anew from the design field. Control points with an offset of chi
-    (eta) are shown, but need not be met.
+    (eta) are shown, but need not be met. Exit code 1 if one fails, 4 if the only fault is that a
+    design is not connected, or carries its load through grey.
     """
     if not tolerance > 0:
         raise ProblemError(f"--tolerance {tolerance} must be positive")
@@ -57,15 +59,15 @@ def check_command(
             "there are no stored designs" if all_stored else "name a design, or use --gallery"
         )
     table = check_table()
-    passed = True
+    codes = {OK}
     for name, design in designs:
         try:
             outcome: Optimality | str = optimality(design, threads=threads)
         except ConvergenceError as error:
             outcome = str(error)
-        passed &= add_check(table, name, design, outcome, tolerance, force_tolerance / 100)
+        codes.add(add_check(table, name, design, outcome, tolerance, force_tolerance / 100))
     make_console().print(table)
-    return OK if passed else FAILED
+    return FAILED if FAILED in codes else max(codes)
 
 
 def check_table() -> Table:
@@ -85,8 +87,8 @@ def add_check(
     outcome: Optimality | str,
     tolerance: float,
     force_tolerance: float,
-) -> bool:
-    """Add a design's row to the table; returns whether it passes.
+) -> int:
+    """Add a design's row to the table; returns the exit code it asks for.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def add_check(
     ratio = f"{design.relative_width:.4f}"
     if isinstance(outcome, str):
         table.add_row(name, "-", "-", "-", ratio, f"fails: {outcome}")
-        return False
+        return FAILED
     points = design.problem.control_points
     reasons = []
     if not outcome.residual <= tolerance:
@@ -114,6 +116,11 @@ def add_check(
     if not all(dev <= force_tolerance for dev in judged):
         limit = f"{100 * force_tolerance:g} %"
         reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
+    code = FAILED if reasons else OK
+    no_part = flaw(design, outcome.grey)
+    if no_part:
+        reasons.append(no_part)
+        code = code or UNSOUND
     table.add_row(
         name,
         f"{outcome.residual:.1e}",
@@ -125,4 +132,4 @@ def add_check(
         ratio,
         f"fails: {' and '.join(reasons)}" if reasons else "passes",
     )
-    return not reasons
+    return code

@@ -98,7 +98,7 @@ def cli(context: click.Context) -> None:
     """Design springs with a prescribed nonlinear load-displacement curve.
 
     Exit codes: 0 done (also when --max-updates ended a run), 1 a check failed, 2 bad input, 3 no
-    convergence, 130 interrupted.
+    convergence, 4 converged to what is no part (not connected, or held by grey), 130 interrupted.
     """
     logger = logging.getLogger("ngspring")
     level = logger.level

@@ -18,12 +18,14 @@ from ngspring.cli.options import (
     domain_option,
     solver_option,
     threads_option,
+    unsound,
 )
 from ngspring.cli.progress import shown_progress
 from ngspring.cli.signals import INTERRUPTED
 from ngspring.cli.tables import design_lines, make_console, points_table
 from ngspring.design.design import Design
 from ngspring.design.gallery import UnknownDesignError, gallery
+from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import CHECKPOINT, locked, read_design
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
@@ -136,7 +138,7 @@ def optimize_command(
     for line in [*design_lines(result.design), *lines]:
         click.echo(line)
     if result.converged:
-        return OK
+        return unsound(flaw(result.design))
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1
     return OK if max_updates is not None and updates >= max_updates else NOT_CONVERGED

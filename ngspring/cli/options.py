@@ -13,7 +13,7 @@ import click
 from ngspring.basics.errors import NgspringError
 from ngspring.problem.sector import DOMAINS
 
-OK, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
+OK, FAILED, BAD_INPUT, NOT_CONVERGED, UNSOUND = 0, 1, 2, 3, 4
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -28,6 +28,14 @@ def incomplete(message: str) -> int:
     """Say on stderr why a result is not all that was asked for; the exit code."""
     click.echo(f"incomplete: {message}", err=True)
     return NOT_CONVERGED
+
+
+def unsound(flaw: str) -> int:
+    """Say on stderr why a design is no part, if it is none; the exit code."""
+    if not flaw:
+        return OK
+    click.echo(f"converged, but {flaw}: try more elements and a smaller l_i", err=True)
+    return UNSOUND
 
 
 domain_option = click.option(

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import click
 
-from ngspring.analysis.states import control_point_responses, curve_displacements, reached
+from ngspring.analysis.states import control_point_responses, curve_displacements, index_of, reached
 from ngspring.cli.options import OK, incomplete, threads_option
 from ngspring.cli.tables import design_lines, make_console, points_table
+from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import read_design
 from ngspring.view.figure import save_figure
 from ngspring.view.rows import design_figure
@@ -35,5 +36,10 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
     make_console().print(points_table(design.problem, forces))
     save_figure(design_figure(design, responses, responses[0.0]), picture)
     click.echo(f"picture: {picture}")
+    curve = responses[0.0]
+    places = [index_of(curve, p.d) for p in design.problem.control_points if not p.eta]
+    reason = flaw(design, [float(curve.grey[k]) for k in places if k is not None])
+    if reason:
+        click.echo(f"ngspring: warning: {reason}", err=True)
     message = "; ".join(r.message for r in responses.values() if r.message)
     return incomplete(message) if None in forces else OK

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import logging
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-
-try:
-    import fcntl
-except ImportError:  # not a Unix system
-    fcntl = None  # type: ignore[assignment]
 
 from ngspring.basics.errors import DesignFileError
 from ngspring.basics.files import PathLike, read_arrays, write_arrays
@@ -23,7 +21,10 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Everything needed to continue a run: last state, the one before, next dt, history."""
+    """Everything needed to continue a run: last state, the one before, next dt, history.
+
+    A finished run has notes about its design, too.
+    """
 
     problem: SpringProblem
     state: State
@@ -32,6 +33,7 @@ class Checkpoint:
     dt: float
     history: History
     start: str
+    notes: Mapping[str, Any] = field(default_factory=dict)
 
     def save(self, path: PathLike) -> None:
         """Write the checkpoint atomically."""
@@ -42,6 +44,7 @@ class Checkpoint:
             "dt": self.dt,
             "dt_previous": self.dt_previous,
             "start": self.start,
+            "notes": json.dumps(dict(self.notes)),
             "history": self.history.values,
             "history_columns": np.array(self.history.columns),
         }
@@ -74,6 +77,8 @@ class Checkpoint:
                 dt=float(arrays["dt"]),
                 history=History(tuple(map(str, arrays["history_columns"])), arrays["history"]),
                 start=str(arrays["start"]),
+                # Checkpoints of older versions have none.
+                notes=dict(json.loads(str(arrays.get("notes", "{}")))),
             )
             checkpoint._check()
         except KeyError as error:

@@ -29,6 +29,7 @@ from ngspring.evolution.updates import Result, Update
 from ngspring.fem.process import checked_threads, parallel
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.start import Start, initial_state, start_design
+from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem, State
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
@@ -106,7 +107,8 @@ class Evolution:
         self._seconds = self._rows[-1].seconds
         self._rejected = self._rejected_iterations = 0
         self.checkpoint = checkpoint
-        self.over, self.message, self._ended = self._rows[-1].is_end, "", {}
+        self.over, self.message = self._rows[-1].is_end, ""
+        self._ended = dict(checkpoint.notes)
 
     def _set_up(self, threads: int) -> Update:
         """Make the system, and tell where the evolution stands."""
@@ -203,14 +205,18 @@ class Evolution:
         return Past(self._state, self._previous, self._rows, self._rejected)
 
     def _kind(self, final: NewtonResult) -> dict[str, object]:
-        """A note if the stationary point is not a minimum of C, as far as the solver tells."""
+        """What is noted of the stationary point: what hangs on grey, and whether it is a minimum.
+
+        The latter as far as the solver tells.
+        """
         assert self._system is not None
+        notes: dict[str, object] = {"grey": list(grey_shares(self._system, final.state))}
         negative = final.negative_eigenvalues
         if negative is None or negative == self._system.eigenvalues_of_a_minimum:
-            return {}
+            return notes
         falling = negative - self._system.eigenvalues_of_a_minimum
         logger.warning("C falls from the stationary point in %d directions", falling)
-        return {"falling_directions": falling}
+        return {**notes, "falling_directions": falling}
 
     def _fail(self, message: str) -> None:
         self.over, self.message = True, message
@@ -285,6 +291,7 @@ class Evolution:
             self._dt,
             self.history,
             self._start,
+            self._ended,
         )
 
     @property

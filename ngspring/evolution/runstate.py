@@ -18,6 +18,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import DesignFileError, RunFolderError
 from ngspring.basics.files import PathLike
 from ngspring.design.design import Design
+from ngspring.design.soundness import flaw
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since, last_checkpoint
 
@@ -174,7 +175,7 @@ def stored_state(design: Design, folder: Path | None = None) -> RunState:
 
 def _design_of(checkpoint: Checkpoint) -> Design:
     last, problem = checkpoint.history.last(), checkpoint.problem
-    info: dict[str, object] = {"start": checkpoint.start, "converged": last.is_end}
+    info = {"start": checkpoint.start, "converged": last.is_end, **checkpoint.notes}
     if len(last.q) == len(problem.control_points):
         info["q"] = list(last.q)
     chi = checkpoint.state.chi.reshape(problem.coefficient_shape)
@@ -184,7 +185,7 @@ def _design_of(checkpoint: Checkpoint) -> Design:
 def _status(design: Design, folder: Path, held: bool | None, since: float) -> tuple[str, str]:
     assert design.history is not None
     if design.info["converged"]:
-        return CONVERGED, ""
+        return CONVERGED, flaw(design)
     if held is False:
         return _ended(_with_end(design, folder))
     seconds = design.history["seconds"]
@@ -197,7 +198,7 @@ def _status(design: Design, folder: Path, held: bool | None, since: float) -> tu
 def _ended(design: Design) -> tuple[str, str]:
     info = design.info
     if info.get("converged") is True:
-        return CONVERGED, ""
+        return CONVERGED, flaw(design)
     if "failed" in info:
         return FAILED, str(info["failed"])
     return STOPPED, str(info.get("stopped", "interrupted before its end"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import ngsolve as ng
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
@@ -11,6 +12,7 @@ from ngspring.design.design import Design
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.system import CoupledSystem, Residual, State
+from ngspring.physics.grey import grey_share
 from ngspring.problem.point import deviation
 
 
@@ -27,6 +29,8 @@ class Optimality:
         Norm of each term: volume, interface, curvature, and one per control point.
     q, targets : arrays
         Reaction forces and target forces at the control points in N.
+    grey : tuple of float
+        See `grey_shares`.
     deviation : array
         Relative to the targets, or the largest one where nothing is asked for; positive is stiffer
         or stronger than asked.
@@ -36,6 +40,7 @@ class Optimality:
     terms: dict[str, float]
     q: FloatArray
     targets: FloatArray
+    grey: tuple[float, ...]
 
     @property
     def deviation(self) -> FloatArray:
@@ -43,6 +48,23 @@ class Optimality:
         sizes = np.abs(self.targets)
         sizes = np.where(sizes == 0.0, sizes.max(), sizes)
         return np.asarray(deviation(self.q, self.targets) / np.where(sizes == 0.0, np.nan, sizes))
+
+
+def grey_shares(system: CoupledSystem, state: State) -> tuple[float, ...]:
+    """Share of the strain energy in grey at each control point without an offset eta.
+
+    See `ngspring.design.soundness`.
+    """
+    mesh = system.grid.mesh
+    chi = ng.GridFunction(system.scalar.space)
+    u = ng.GridFunction(ng.VectorH1(mesh, order=2))
+    chi.vec.FV().NumPy()[:] = system.extraction_chi @ state.chi
+    shares = []
+    for point, free in zip(system.points, state.u, strict=True):
+        if not point.eta:
+            u.vec.FV().NumPy()[:] = system.extraction_u @ np.append(free, point.d)
+            shares.append(grey_share(chi, u, mesh, system.problem))
+    return tuple(shares)
 
 
 def _relative(residual: Residual) -> float:
@@ -81,10 +103,12 @@ def optimality(
         system = CoupledSystem(problem, solver, count)
         state = initial_state(system, design)
         residual = system.residual(state, state.chi, np.inf)
+        grey = grey_shares(system, state)
     targets = np.array([point.q for point in problem.control_points])
     return Optimality(
         residual=_relative(residual),
         terms=residual.chi_terms,
         q=state.forces(problem),
         targets=targets,
+        grey=grey,
     )

@@ -416,6 +416,21 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "holds an unfinished run from column, not from random, seed 0" in result.stdout
 
 
+def test_a_converged_run_that_hangs_on_grey_is_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("soft.toml").write_text(TINY.replace(control_points=(ControlPoint(10.0, 0.5),)).to_toml())
+    Path("a.toml").write_text('[[run]]\nfile = "soft.toml"\n')
+    result = CliRunner().invoke(cli, ["campaign", "a.toml", "--workers", "1"])
+    assert result.exit_code == 4, result.output
+    assert result.stderr == "no part: 1 of 1 runs, see the table\n"
+    assert "through" in result.stdout
+    (row,) = csv.DictReader(Path("runs/a/results.csv").read_text().splitlines())
+    assert row["status"] == "converged"
+    assert "through grey" in row["flaw"]
+
+
 # -- failures in one process -----------------------------------------------------------------------
 
 

@@ -41,6 +41,7 @@ FILES = {
     "design.npz",
     "history.csv",
     "checkpoint.npz",
+    "checkpoint-before.npz",
     "snapshots.npz",
     "design.vtu",
     "response.csv",
@@ -130,6 +131,25 @@ def test_a_finished_run_is_not_overwritten(finished: SimpleNamespace) -> None:
     assert "holds a run already" in result.stderr
     assert "--resume" in result.stderr
     assert (finished.folder / "design.npz").read_bytes() == before
+
+
+def test_a_design_that_hangs_on_grey_is_no_success(tmp_path: Path) -> None:
+    """A target far softer than any strut of the mesh: converged, on grey material."""
+    file = tmp_path / "soft.toml"
+    file.write_text("elements = 8\nl_i = 10.0\n[[control_points]]\nd = 10.0\nq = 0.5\n")
+    options = ("--threads", 1, "--out", tmp_path / "run")
+    result = invoke("optimize", file, *options, code=4)
+    assert "softer than the thinnest straight strut" in result.stderr  # before the run
+    assert "converged, but it carries its load through grey" in result.stderr
+    again = invoke("optimize", file, *options, "--resume", code=4)
+    assert again.stderr == result.stderr.splitlines()[-1] + "\n"
+    saved = Design.load(tmp_path / "run" / "design.npz")
+    assert saved.info["converged"] is True
+    assert 0.25 < saved.info["grey"][0] < 1
+    assert "through grey" in (tmp_path / "run" / "report.html").read_text()
+    checked = invoke("check", tmp_path / "run", "--threads", 1, code=4).stdout
+    assert "through grey" in " ".join(checked.replace("│", " ").split())
+    assert "through grey" in invoke("show", tmp_path / "run", "--threads", 1).stderr
 
 
 def test_resume_of_a_finished_run_draws_the_pictures_again(
@@ -371,7 +391,7 @@ def test_check_gallery_by_name(copy: Path, tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(gallery, "folder", copy)
-    for other in ("checkpoint.npz", "snapshots.npz"):
+    for other in ("checkpoint.npz", "checkpoint-before.npz", "snapshots.npz"):
         (copy / other).unlink()
     assert "passes" in invoke("check", "design", "--threads", 1).stdout
     assert "passes" in invoke("check", "--gallery", "--threads", 1).stdout
