@@ -384,3 +384,10 @@ def test_stored_verdicts_belong_to_the_stored_designs() -> None:
         # Nothing is left to compute for designs that are known already.
         known = list(stored.read(results))
         assert not known or module.main(known) == stored.read(results)
+
+
+def test_stored_deviations_are_positive_where_the_solid_is_stronger() -> None:
+    for found in script("gallery_results").read("verification").values():
+        for point in found.get("control_points", ()):
+            stronger = abs(point["q_contact"]) - abs(point["q_third_medium"])
+            assert point["deviation"] == pytest.approx(stronger)
