@@ -263,7 +263,7 @@ print(f"twice the mean of lambda_y on the top: {error:.4f}")
 
 # %%
 path = [(0, dt.Get(), fields[3].vec[0])]
-for update in range(1, 31):
+for update in range(1, 21):
     before = vector.CreateVector()
     before.data = vector
     chi_old.vec.data = fields[0].vec
@@ -273,7 +273,7 @@ for update in range(1, 31):
         dt.Set(dt.Get() / 4)
         continue
     path.append((update, dt.Get(), fields[3].vec[0]))
-    dt.Set(dt.Get() * (2 if len(sizes) < 6 else 1))
+    dt.Set(dt.Get() * (4 if len(sizes) < 6 else 1))
 update, steps, force = np.array(path).T
 print(f"after {len(path) - 1} updates: dt = {steps[-1]:.0e}, q = {force[-1]:.5f} N")
 
