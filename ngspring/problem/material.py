@@ -6,10 +6,12 @@ The solid of the paper is neo-Hookean with an initial bulk modulus K and an init
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ngspring.basics.checks import finite_number, nearest, positive_number, shown
+from ngspring.basics.checks import finite_number, positive_number, shown
 from ngspring.basics.errors import ProblemError
 
 #: Poisson's ratio of the paper's solid (K = 5/3 MPa, G = 5/14 MPa), and the one taken by default.
@@ -115,7 +117,7 @@ class Elastomer:
     ----------
     name : str
     symbol : str
-        ISO 1629 or ISO 18064 symbol, or the usual abbreviation.
+        ISO 1629 or ISO 18064 symbol, or the usual abbreviation; empty if there is none.
     shore_A : pair of float
         Hardness in which it is commonly offered.
     typical : float
@@ -145,27 +147,62 @@ ELASTOMERS: tuple[Elastomer, ...] = (
     Elastomer("cast polyurethane", "PUR", (20, 95), 60, "cast; resists abrasion"),
     Elastomer("TPU", "TPU", (60, 95), 85, "printed; noticeable hysteresis"),
     Elastomer("SEBS", "TPS", (10, 90), 50, "moulded or printed"),
+    # 44 (cured at 25 °C) to 54 (200 °C): Johnston et al., J. Micromech. Microeng. 24 (2014) 035017.
+    Elastomer("Sylgard 184", "PDMS", (40, 55), 45, "cast; the hotter cured, the harder"),
+    # "Available in Shore 10A, 20A and 30A": Smooth-On, technical bulletin of the series.
+    Elastomer("Dragon Skin", "", (5, 35), 20, "cast silicone; Dragon Skin 10, 20, 30"),
 )
+
+#: What else they are called, in lower case.
+_ALIASES = {
+    **dict.fromkeys(("silicone rubber", "silicon rubber", "silikon", "lsr", "rtv"), "silicone"),
+    **dict.fromkeys(("rubber", "latex"), "natural rubber"),
+    **dict.fromkeys(("nitrile rubber", "buna n"), "nitrile"),
+    **dict.fromkeys(("polyurethane", "pu"), "cast polyurethane"),
+    **dict.fromkeys(("thermoplastic polyurethane", "tpu filament"), "tpu"),
+    "viton": "fluoroelastomer",
+    "sylgard": "sylgard 184",
+}
+#: A name with a Shore A hardness, ``TPU 95A``.
+_WITH_HARDNESS = re.compile(
+    r"(?P<name>.*?[^\W\d]) (shore ?)?(a ?)?(?P<hardness>\d{1,2}) ?((shore )?a)?"
+)
+
+
+def _plain(name: str) -> str:
+    """A name in lower case, with single blanks in place of blanks and hyphens."""
+    return " ".join(name.casefold().replace("-", " ").split())
 
 
 def find_elastomer(name: str) -> Elastomer:
     """The elastomer with this name or symbol, in upper or lower case.
 
+    A Shore A hardness behind the name, as in ``TPU 95A`` or ``Dragon Skin 30``, is the typical one
+    of what is returned.
+
     Raises
     ------
     ProblemError
-        If there is none; the message names the nearest one.
+        If there is none; the message says what to give instead.
     """
-    known = {key.casefold(): e for e in ELASTOMERS for key in (e.name, e.symbol)}
+    known = {_plain(key): e for e in ELASTOMERS for key in (e.name, e.symbol) if key}
+    known |= {alias: known[meant] for alias, meant in _ALIASES.items()}
     if not isinstance(name, str):
         raise ProblemError(f"material = {shown(name)} is not valid: it must be a name")
-    found = known.get(name.strip().casefold())
-    if found is None:
-        raise ProblemError(
-            f"there is no material {shown(name)}: did you mean {nearest(name, known)!r}?"
-            f" Known are {', '.join(e.name for e in ELASTOMERS)}"
-        )
-    return found
+    plain = _plain(name)
+    if plain in known:
+        return known[plain]
+    match = _WITH_HARDNESS.fullmatch(plain)
+    if match and match["name"] in known:
+        found = known[match["name"]]
+        return replace(found, name=name.strip(), typical=float(match["hardness"]))
+    # Only what must be a slip: no other material than the one that is meant.
+    near = difflib.get_close_matches(plain, known, n=1, cutoff=0.8)
+    hint = f" (did you mean {known[near[0]].name!r}?)" if near else ""
+    raise ProblemError(
+        f"there is no material {shown(name)} in the table of elastomers{hint}: give its Young's"
+        " modulus E in MPa and nu, or its hardness if that is on the Shore A scale (not 00 or D)"
+    )
 
 
 #: Keys that describe a material instead of K and G.
