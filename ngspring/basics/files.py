@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import io
 import logging
@@ -95,20 +96,47 @@ def write_text(path: PathLike, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_text(path: str) -> str:
-    """Content of a UTF-8 text file; what is wrong with it is a ProblemError of one line."""
+def read_text(path: str, foreign: bool = False) -> str:
+    """Content of a text file; what is wrong with it is a ProblemError of one line.
+
+    Parameters
+    ----------
+    path : str
+    foreign : bool
+        Whether the file comes from other programs: besides UTF-8 it may be UTF-16 with a byte order
+        mark, or Latin-1.
+    """
     try:
         with open(path, "rb") as file:
-            # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
-            return file.read().decode("utf-8-sig")
+            content = file.read()
+        if foreign:
+            return _decoded(content)
+        # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
+        return content.decode("utf-8-sig")
     except OSError as error:
         raise ProblemError(f"the file cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
+        encoding = error.encoding.upper()
         raise ProblemError(
-            f"the file cannot be read, it is not UTF-8 text: byte {error.start} is wrong"
+            f"the file cannot be read, it is not {encoding} text: byte {error.start} is wrong"
         ) from error
     except ValueError as error:
         raise ProblemError(f"the file cannot be read: {error}") from error
+
+
+def _decoded(content: bytes) -> str:
+    """Text in any of the encodings that other programs write."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
+    if b"\0" in content:
+        raise ProblemError(
+            "the file is not text (a spreadsheet or another program's own format): save it as CSV"
+            " with a header such as d [mm];q [N]"
+        )
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
 def finite_or_none(value: float) -> float | None:

@@ -19,8 +19,12 @@ from ngspring.problem.spring import SpringProblem
 _CURVES = (".csv", ".tsv", ".svg")
 
 
-def read_problem(text: str) -> tuple[SpringProblem, str]:
+def read_problem(
+    text: str, notes: list[str] | None = None, targets_anywhere: bool = False
+) -> tuple[SpringProblem, str]:
     """The case of this name, or the problem in a TOML file, and a name for its run folder.
+
+    See `SpringProblem.from_toml` for ``notes`` and ``targets_anywhere``.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def read_problem(text: str) -> tuple[SpringProblem, str]:
         )
     is_case = text.strip().upper() in cases
     if not is_case and (path.suffix.lower() == ".toml" or path.parent != Path() or path.is_file()):
-        problem = SpringProblem.from_toml(path)
+        problem = SpringProblem.from_toml(path, notes=notes, targets_anywhere=targets_anywhere)
         return (problem if problem.name else problem.replace(name=path.stem)), path.stem
     problem = get_case(text)
     return problem, problem.name

@@ -14,6 +14,7 @@ from ngspring.cli.arguments import command_line, read_problem
 from ngspring.cli.options import (
     NOT_CONVERGED,
     OK,
+    anywhere_option,
     complain,
     domain_option,
     solver_option,
@@ -65,6 +66,7 @@ from ngspring.view.run_files import write_pictures
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 @click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")
+@anywhere_option
 def optimize_command(
     case: str,
     elements: int | None,
@@ -79,6 +81,7 @@ def optimize_command(
     solver: str,
     report: bool,
     anyway: bool,
+    targets_anywhere: bool,
 ) -> int:
     """Design a spring: a case of the paper, or your own problem in a TOML file.
 
@@ -88,7 +91,8 @@ def optimize_command(
     A checkpoint is written after every design update: after Ctrl-C, a crash or a power failure,
     the same command with --resume continues. The end is told in report.html, for a browser.
     """
-    problem, name = read_problem(case)
+    notes: list[str] = []
+    problem, name = read_problem(case, notes, targets_anywhere)
     if elements is not None:
         problem, note = on_mesh(problem, elements)
         if note:
@@ -100,6 +104,8 @@ def optimize_command(
         raise click.UsageError("--seed belongs to --initial random")
     folder = Path("runs", name) if out is None else out
     if not resume:
+        for note in notes:
+            click.echo(f"ngspring: note: {note}", err=True)
         _refuse_implausible(problem, anyway)
     elif not (folder / CHECKPOINT).exists():
         click.echo(f"there is no run in {folder} yet: it begins", err=True)
@@ -131,6 +137,7 @@ def optimize_command(
             "--out": folder,
             "--solver": None if solver == "auto" else solver,
             "--report": report,
+            "--targets-anywhere": targets_anywhere,
             "--resume": True,
         }
         return _interrupted(folder, command_line(("optimize", case), options))

@@ -43,6 +43,11 @@ domain_option = click.option(
     type=click.Choice(list(DOMAINS)),
     help="Part of the spring that is analysed, instead of the problem's own.",
 )
+anywhere_option = click.option(
+    "--targets-anywhere",
+    is_flag=True,
+    help="Let the targets of a TOML file be outside of its folder.",
+)
 threads_option = click.option(
     "--threads",
     type=click.IntRange(min=1),

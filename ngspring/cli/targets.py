@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import click
 from rich.table import Table
@@ -13,11 +13,13 @@ from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import write_text
 from ngspring.cli.arguments import read_problem
-from ngspring.cli.options import FAILED, OK
+from ngspring.cli.options import FAILED, OK, anywhere_option
 from ngspring.cli.tables import make_console, new_table
 from ngspring.problem.annotated import annotated_toml
 from ngspring.problem.cases import cases
+from ngspring.problem.curves.branches import BRANCHES
 from ngspring.problem.curves.curve import read_curve
+from ngspring.problem.curves.table import QUANTITIES
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.spring import SpringProblem, height_and_area
@@ -25,6 +27,8 @@ from ngspring.problem.targets.from_curve import problem_from_curve
 from ngspring.problem.targets.full_block import block_force
 from ngspring.problem.targets.plausibility import check_targets
 
+#: What to take of a curve's file.
+_READING = ("compression", "branch", "specimen", "quantities")
 #: Ranges of d and q.
 Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 
@@ -47,7 +51,22 @@ Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 @click.option(
     "--compression",
     is_flag=True,
+    default=None,
     help="The curve counts compression as positive, as test machines do: turn both signs.",
+)
+@click.option(
+    "--branch",
+    type=click.Choice(BRANCHES),
+    help="Of a test with loops: the branch away from d = 0, as by default, the one back to it, or"
+    " the mean of both curves.",
+)
+@click.option(
+    "--specimen", type=click.IntRange(min=1), help="Which of several specimens (curves) in a file."
+)
+@click.option(
+    "--quantities",
+    type=click.Choice(list(QUANTITIES)),
+    help="Of a file that has both: displacement and force, as by default, or strain and stress.",
 )
 @click.option("--robust", is_flag=True, help="Add the dilated control point of section 2.6.")
 @click.option(
@@ -56,15 +75,16 @@ Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
     type=click.Path(path_type=Path, dir_okay=False),
     help="Write the problem for `ngspring optimize`.",
 )
+@anywhere_option
 def targets_command(
     curve: str,
     points: int | None,
     at: str | None,
     d_range: str | None,
     q_range: str | None,
-    compression: bool,
     robust: bool,
     out: Path | None,
+    targets_anywhere: bool,
     **described: float | int | str | None,
 ) -> int:
     """Check a target before an hour is spent on it.
@@ -73,29 +93,27 @@ def targets_command(
     units: `d [mm];q [N]`; or an SVG drawing of one path, inside a rectangle or the page that
     --d-range and --q-range describe. Tension is positive; of a test that counts compression as
     positive --compression turns the signs. Sizes not given are the paper's:
-    100 x 100 x 1 mm, E = 1 MPa, nu = 0.4.
+    100 x 100 x 1 mm, E = 1 MPa, nu = 0.4. What was assumed is said in notes.
 
     Exit code 1 if the target cannot be met.
     """
     given = {key: value for key, value in described.items() if value is not None}
-    remarks: tuple[str, ...] = ()
+    notes: list[str] = []
     text = ""
     if Path(curve).suffix.lower() == ".toml" or curve.strip().upper() in cases:
-        if given or points or at or robust or out or d_range or q_range or compression:
+        if given or points or at or robust or out or d_range or q_range:
             raise click.UsageError("a problem is checked as it is: options belong to a curve")
-        problem = read_problem(curve)[0]
+        problem = read_problem(curve, notes, targets_anywhere)[0]
     else:
         if out is not None:
             _check_writable(out)
         name = curve if out is None else out.name
         axes = _axes(curve, d_range, q_range)
-        problem, remarks, text = _problem_of_curve(
-            curve, name, given, points, at, robust, axes, compression
-        )
+        problem, text = _problem_of_curve(curve, name, given, points, at, robust, axes, notes)
     click.echo(_described(problem))
     make_console().print(_points_table(problem))
-    for remark in remarks:
-        click.echo(f"note: {remark}")
+    for note in notes:
+        click.echo(f"note: {note}")
     findings = check_targets(problem)
     for finding in findings:
         click.echo(f"{finding.level}: {finding.message}")
@@ -113,29 +131,23 @@ def targets_command(
 def _problem_of_curve(
     curve: str,
     name: str,
-    given: dict[str, float | int | str],
+    given: dict[str, Any],
     points: int | None,
     at: str | None,
     robust: bool,
     axes: Axes | None,
-    compression: bool,
-) -> tuple[SpringProblem, tuple[str, ...], str]:
-    """The problem as it would be read from the file that is written, remarks, and that file."""
+    notes: list[str],
+) -> tuple[SpringProblem, str]:
+    """The problem as it would be read from the file that is written, and that file."""
+    reading = {key: given.pop(key) for key in _READING if key in given}
     if "T" in given and not KINEMATICS[str(given.get("kinematics", "plane strain"))].thick:
         raise click.UsageError("an axisymmetric spring has no thickness")
-    target = read_curve(curve, *height_and_area(given), axes, compression)
+    target = read_curve(curve, *height_and_area(given), axes, **reading)
     at_d = None if at is None else _numbers("--at", at)
     problem = problem_from_curve(target, points, at_d, robust=robust, name=Path(name).stem, **given)
-    text = annotated_toml(problem, Path(curve).name, given)
-    remarks = target.remarks
-    chosen = [point for point in problem.control_points if not point.eta]
-    if len(chosen) < len(target.d):
-        share = 100 * target.deviation(chosen)
-        remarks += (
-            f"{len(chosen)} control points stand for {len(target.d)} points: a smooth curve through"
-            f" them is within {share:.2g} % of the largest force",
-        )
-    return SpringProblem.parse_toml(text), remarks, text
+    notes += target.notes(problem.control_points)
+    text = annotated_toml(problem, Path(curve).name, given, notes)
+    return SpringProblem.parse_toml(text), text
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from ngspring.problem.dimension import dimensions, weights
 from ngspring.problem.kinematics import KINEMATICS
@@ -37,7 +37,7 @@ def _stiffness(problem: SpringProblem, described: Mapping[str, object]) -> list[
     lines = []
     hardness, material = described.get("shore_A"), described.get("material")
     if isinstance(material, str):
-        typical = f"of typical hardness: E = {E:.4g} MPa; see ngspring materials"
+        typical = f"E = {E:.4g} MPa by its usual hardness, see ngspring materials"
         comment = typical if hardness is None else "only a name: shore_A decides"
         lines.append(_line("material", material, comment))
     if isinstance(hardness, float):
@@ -47,7 +47,10 @@ def _stiffness(problem: SpringProblem, described: Mapping[str, object]) -> list[
 
 
 def annotated_toml(
-    problem: SpringProblem, source: str, described: Mapping[str, object] | None = None
+    problem: SpringProblem,
+    source: str,
+    described: Mapping[str, object] | None = None,
+    notes: Iterable[str] = (),
 ) -> str:
     """The problem as TOML with comments; values are rounded to seven digits.
 
@@ -61,12 +64,15 @@ def annotated_toml(
     described : mapping, optional
         How the stiffness was described: ``shore_A`` or ``material`` in it are written instead of E
         (see `ngspring.problem.material.moduli_from`); other keys are ignored.
+    notes : iterable of str
+        What was assumed about the targets: comments.
     """
     other = next(name for name in KINEMATICS if name != problem.kinematics)
     w_q = max(point.weight for point in problem.control_points)
     lines = [
         f"# Targets from {' '.join(source.split())}. Lengths in mm, forces in N, stress in MPa;"
         " tension is positive.",
+        *(f"# {' '.join(note.split())}" for note in notes),
         "",
         _line("name", problem.name, "of the run folder and in titles"),
         _line("kinematics", problem.kinematics, f'or "{other}"'),

@@ -11,6 +11,7 @@ import numbers
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -259,7 +260,13 @@ class SpringProblem:
         return write_fields(values)
 
     @classmethod
-    def from_toml(cls, text_or_path: str | os.PathLike[str]) -> SpringProblem:
+    def from_toml(
+        cls,
+        text_or_path: str | os.PathLike[str],
+        *,
+        notes: list[str] | None = None,
+        targets_anywhere: bool = False,
+    ) -> SpringProblem:
         """Read a problem from TOML, see `ngspring.problem.toml`.
 
         Parameters
@@ -267,6 +274,10 @@ class SpringProblem:
         text_or_path : str or path
             A path, or a string that names an existing file or is one line that ends with
             ``.toml``, is read as a file; any other string is TOML text.
+        notes : list of str, optional
+            What was assumed about the curve of ``targets`` is added; without it, it is logged.
+        targets_anywhere : bool
+            Whether ``targets`` may name a file outside of the folder of the TOML file.
 
         Raises
         ------
@@ -274,10 +285,17 @@ class SpringProblem:
             If the file cannot be read, the TOML is malformed, a key is unknown or missing, or
             the problem is not valid.
         """
-        return read(text_or_path, cls.parse_toml)
+        parse = partial(cls.parse_toml, notes=notes, targets_anywhere=targets_anywhere)
+        return read(text_or_path, parse)
 
     @classmethod
-    def parse_toml(cls, text: str, folder: Path | None = None) -> SpringProblem:
+    def parse_toml(
+        cls,
+        text: str,
+        folder: Path | None = None,
+        notes: list[str] | None = None,
+        targets_anywhere: bool = False,
+    ) -> SpringProblem:
         """Read a problem from TOML text, never from a file of that name.
 
         Parameters
@@ -285,13 +303,16 @@ class SpringProblem:
         text : str
         folder : path, optional
             Where the file of ``targets`` is looked for; without it, such a key is refused.
+        notes, targets_anywhere : optional
+            See `from_toml`.
 
         Raises
         ------
         ProblemError
             See `from_toml`.
         """
-        return cls(**parse_fields(text, cls, height_and_area, folder))
+        size = height_and_area
+        return cls(**parse_fields(text, cls, size, folder, notes, targets_anywhere))
 
 
 def height_and_area(values: Mapping[str, Any]) -> tuple[float, float]:

@@ -15,10 +15,11 @@ Table 1. Besides the fields a file may have
 - ``E`` (MPa), ``shore_A`` or ``material`` (a name), with ``nu`` (0.4 by default), instead of ``K``
   and ``G``, see `ngspring.problem.material`;
 - ``w_q``, the weight of all control points that have none of their own;
-- ``targets = "curve.csv"`` instead of `control_points`, a file beside the TOML file, or a table
-  ``targets = {file = "curve.csv", points = 4}`` or with ``at = [-20, -10, 10]``, and with
-  ``compression = true`` if the file counts compression as positive, see
-  `ngspring.problem.curves.curve`.
+- ``targets = "curve.csv"`` instead of `control_points`, a file in the folder of the TOML file or
+  below it, or a table ``targets = {file = "curve.csv", points = 4}`` or with
+  ``at = [-20, -10, 10]``, and with ``compression = true`` if the file counts compression as
+  positive, ``branch``, ``specimen`` and ``quantities``, see
+  `ngspring.problem.curves.curve.parse_curve`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from typing import Any, TypeAlias, TypeVar
 
 import tomli_w
 
-from ngspring.basics.checks import finite_number, nearest, shown
+from ngspring.basics.checks import finite_number, nearest, refused, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import read_text
 from ngspring.problem.curves.curve import read_curve
@@ -51,7 +52,9 @@ logger = logging.getLogger(__name__)
 
 #: Keys that are not fields.
 FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
-_TARGETS_KEYS = ("file", "points", "at", "compression")
+#: What to take of a curve's file; handed on.
+_READING_KEYS = ("compression", "branch", "specimen", "quantities")
+_TARGETS_KEYS = ("file", "points", "at", *_READING_KEYS)
 
 #: What else displacement and force of a control point are called, in lower case.
 _OTHER_NAMES = {
@@ -123,7 +126,14 @@ def load_tables(text: str) -> dict[str, Any]:
     return tables
 
 
-def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None = None) -> Fields:
+def parse_fields(
+    text: str,
+    described: type,
+    size: SizeOf,
+    folder: Path | None = None,
+    notes: list[str] | None = None,
+    targets_anywhere: bool = False,
+) -> Fields:
     """Read the fields of a problem from TOML text, never from a file of that name.
 
     Parameters
@@ -135,6 +145,10 @@ def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None =
         Tells from the other fields what turns strain and stress of ``targets`` into d and q.
     folder : path, optional
         Where the file of ``targets`` is looked for; without it, such a key is refused.
+    notes : list of str, optional
+        What was assumed about ``targets`` is added; without it, it is logged.
+    targets_anywhere : bool
+        Whether the file of ``targets`` may be outside of the folder.
     """
     values = load_tables(text)
     _check_keys(values, described, "", FURTHER_KEYS)
@@ -144,7 +158,11 @@ def parse_fields(text: str, described: type, size: SizeOf, folder: Path | None =
     if "targets" in further:
         if "control_points" in values:
             raise ProblemError("both targets and control_points are given: give one of them")
-        points = _points_of_curve(further["targets"], size(values), weight, folder)
+        table = _targets_table(further["targets"])
+        if folder is None:
+            raise ProblemError("targets names a file, but this text does not come from a file")
+        path = folder / table["file"] if targets_anywhere else _inside(folder, table["file"])
+        points = _points_of_curve(path, table, size(values), weight, notes)
         return {**values, "control_points": points}
     if "control_points" not in values:
         raise ProblemError("missing key 'control_points' (or 'targets')")
@@ -170,10 +188,8 @@ def _material(values: Fields, further: Fields) -> Fields:
     return {} if moduli is None else {"K": moduli[0], "G": moduli[1]}
 
 
-def _points_of_curve(
-    described: object, size: tuple[float, float], weight: float | None, folder: Path | None
-) -> list[ControlPoint]:
-    """Control points of ``targets``, for a spring of this height and area."""
+def _targets_table(described: object) -> Fields:
+    """``targets`` as a table, its values checked."""
     table = {"file": described} if isinstance(described, str) else described
     right = "the name of a CSV file, or a table with file, and points or at"
     if not isinstance(table, dict) or not isinstance(table.get("file"), str):
@@ -184,20 +200,55 @@ def _points_of_curve(
                 f"unknown key {shown(key)} in targets:"
                 f" did you mean {nearest(key, _TARGETS_KEYS)!r}?"
             )
-    points, at = table.get("points"), table.get("at")
-    if points is not None and (isinstance(points, bool) or not isinstance(points, int)):
-        raise ProblemError(f"targets.points = {shown(points)} is not valid: it must be an integer")
-    if at is not None and not isinstance(at, list):
-        raise ProblemError(f"targets.at = {shown(at)} is not valid: it must be a list of d in mm")
-    compression = table.get("compression", False)
-    if not isinstance(compression, bool):
-        raise ProblemError(f"targets.compression = {shown(compression)} must be true or false")
-    if folder is None:
-        raise ProblemError("targets names a file, but this text does not come from a file")
-    curve = read_curve(folder / table["file"], *size, compression=compression)
-    for remark in curve.remarks:
-        logger.info("%s: %s", table["file"], remark)
-    chosen = curve.control_points(points, at)
+    for key in ("points", "specimen"):
+        if type(table.get(key, 1)) is not int:
+            raise refused(f"targets.{key}", table[key], "an integer")
+    if not isinstance(table.get("at", []), list):
+        raise refused("targets.at", table["at"], "a list of d in mm")
+    if not isinstance(table.get("compression", False), bool):
+        raise ProblemError(
+            f"targets.compression = {shown(table['compression'])} must be true or false"
+        )
+    return table
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """The path of a file in a folder or below it, links followed.
+
+    Raises
+    ------
+    ProblemError
+        If it is elsewhere: whoever opens a TOML file from others must not read what else there is.
+    """
+    path = folder / name
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ProblemError(f"targets = {shown(name)} cannot be read: {error}") from error
+    if not inside:
+        raise ProblemError(
+            f"targets = {shown(name)} is not in the folder of this file or below it: copy it there,"
+            " or allow it with --targets-anywhere (targets_anywhere=True in Python)"
+        )
+    return path
+
+
+def _points_of_curve(
+    path: Path,
+    table: Fields,
+    size: tuple[float, float],
+    weight: float | None,
+    notes: list[str] | None,
+) -> list[ControlPoint]:
+    """Control points of ``targets``, for a spring of this height and area."""
+    reading = {key: table[key] for key in _READING_KEYS if key in table}
+    curve = read_curve(path, *size, **reading)
+    chosen = curve.control_points(table.get("points"), table.get("at"))
+    for note in curve.notes(chosen):
+        if notes is None:
+            logger.info("%s: %s", table["file"], note)
+        else:
+            notes.append(note)
     return [p if weight is None else dataclasses.replace(p, weight=weight) for p in chosen]
 
 

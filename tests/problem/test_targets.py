@@ -39,6 +39,7 @@ def refused(text: str, problem: SpringProblem = SPRING) -> str:
     with pytest.raises(ProblemError) as error:
         parse_curve(text, *size_of(problem))
     assert len(str(error.value).splitlines()) == 1
+    assert len(str(error.value)) <= 300
     return str(error.value)
 
 
@@ -95,23 +96,31 @@ def test_stress_and_strain_are_those_of_the_spring_s_size() -> None:
     assert pairs_of(text, round_) == [pytest.approx((5.0, 0.02 * np.pi / 4 * 900.0))]
 
 
+def numbers(largest: float) -> st.SearchStrategy[float]:
+    """What is closer to zero than any calculation notices is read as zero."""
+    return st.floats(-largest, largest).filter(lambda value: value == 0.0 or abs(value) > 1e-99)
+
+
 @given(
     pairs=st.lists(
-        st.tuples(st.floats(-90, 90), st.floats(-1e6, 1e6)),
+        st.tuples(numbers(90.0), numbers(1e6)),
         min_size=1,
         max_size=40,
         unique_by=lambda pair: pair[0],
     ).filter(lambda pairs: any(d for d, _ in pairs)),
     separator=st.sampled_from([",", ";", "\t", " "]),
     comma=st.booleans(),
+    falling=st.booleans(),
 )
 def test_numbers_come_back_exactly(
-    pairs: list[tuple[float, float]], separator: str, comma: bool
+    pairs: list[tuple[float, float]], separator: str, comma: bool, falling: bool
 ) -> None:
+    pairs.sort(reverse=falling)
     rows = [separator.join(f"{value!r}" for value in pair) for pair in pairs]
     # Some number must have a decimal comma that cannot be mistaken.
     if comma and separator == ";":
-        rows = [f"{row.replace('.', ',')}" for row in [*rows, "95.25;1.5"]]
+        rows.insert(0 if falling else len(rows), "95.25;1.5")
+        rows = [row.replace(".", ",") for row in rows]
         pairs = [*pairs, (95.25, 1.5)]
     assert pairs_of("\n".join(rows)) == sorted((d + 0.0, q) for d, q in pairs)
 
@@ -121,7 +130,7 @@ def test_numbers_come_back_exactly(
     [
         ("", ["no rows"]),
         ("# nothing\n\n", ["no rows"]),
-        ("d,q\n", ["header but no rows"]),
+        ("d,q\n", ["no rows of numbers", "save it as CSV with a header such as d [mm];q [N]"]),
         ("d,q\n0,0\n", ["no point with d different from zero"]),
         ("1\n2\n", ["not a row of two numbers"]),
         ("10,0,2,0\n20,0,4,5\n", ["4 columns", "semicolons"]),
@@ -129,6 +138,10 @@ def test_numbers_come_back_exactly(
         ("1,2\n3\n", ["not a row of two numbers"]),
         ("1;2\n3;4;5\n", ["line 2 has 3 columns"]),
         ("d,q\n10,2\n20,four\n", ["line 3", "not numbers"]),
+        ("d,q\n10,2\nMaximum: 2 N\n", ["line 3", "leave it out"]),
+        ("10,2\n20,four\n30,5\n", ["line 2", "not numbers"]),
+        ("d,q,e\n10,2,3\n20,,\n", ["line 3", "columns 1 and 2"]),
+        ("d,q\n1,1e308\n-1,-1e308", ["line 2", "too large"]),
         ("10,2\n20,nan\n", ["line 2", "not finite"]),
         ("10;2\n20;inf\n", ["line 2", "not finite"]),
         ("1,000;2\n", ["decimal comma or a thousands separator"]),
@@ -137,14 +150,20 @@ def test_numbers_come_back_exactly(
         ("d [feet],q\n10,2\n", ["unit 'feet'", "mm, cm, m"]),
         ("d,q [g]\n10,2\n", ["unit 'g'", "N, kN"]),
         ("d,stress\n10,2\n", ["column for d but none for q"]),
-        ("d,d\n10,2\n", ["two columns"]),
-        ("length,time\n10,2\n", ["none of the columns length, time is named d"]),
+        ("d,d\n10,2\n", ["column for d but none for q"]),
+        ("d [mm],extension [mm],q\n10,10,2\n", ["two columns are named like 'd'"]),
+        ("length,time\n10,2\n", ["line 1: none of its 2 columns is named d"]),
         ("length,time\n10,2\n", ["write for example d [mm];q [N]"]),
         ("length,q\n10,2\n", ["none for d", "write for example d [mm];q [N]"]),
         ("Weg [mm],Weite [mm],Kraft [N]\n10,2,3\n", ["column for q but none for d"]),
         ("d,q\n120,2\n", ["d = 120 mm", "H = 100 mm"]),
         ("d,q\n20000,2\n", ["in µm?"]),
         ("strain,stress\n20,0.1\n", ["strain [%]"]),
+        ("stretch [%],stress\n110,0.1\n", ["unit '%' of column 'stretch [%]'"]),
+        ("stretch,stress\n0,0.1\n", ["a stretch above 0"]),
+        ("Green strain [-],PK2 [MPa]\n0.1,0.1\n", ["'Green strain [-]' is neither nominal nor"]),
+        ("\x00\x01", ["save it as CSV"]),
+        (f"{'x' * 200_000},q\n1,2", ["is not CSV"]),
     ],
 )
 def test_what_would_need_guessing_is_refused(text: str, parts: list[str]) -> None:
@@ -235,8 +254,13 @@ def test_files_are_read_with_a_byte_order_mark_and_named_in_errors(tmp_path: Pat
     path = tmp_path / "curve.csv"
     path.write_bytes("\ufeffd [mm];q [N]\r\n10;2,5\r\n".encode())
     assert read_curve(path, *size_of(SPRING)).q.tolist() == [2.5]
-    path.write_bytes("d [µm];q\n1;2".encode("latin-1"))
-    with pytest.raises(ProblemError, match=r"curve\.csv'.*not UTF-8"):
+    for encoding in ("latin-1", "utf-16", "utf-16-be"):
+        mark = "\ufeff" if encoding == "utf-16-be" else ""
+        path.write_bytes(f"{mark}d [µm];q\n1000;2,5".encode(encoding))
+        curve = read_curve(path, *size_of(SPRING))
+        assert (curve.d.tolist(), curve.q.tolist()) == ([1.0], [2.5])
+    path.write_bytes(b"PK\x03\x04\x00\x00")
+    with pytest.raises(ProblemError, match=r"curve\.csv'.*not text .*save it as CSV"):
         read_curve(path, *size_of(SPRING))
     with pytest.raises(ProblemError, match="cannot be read"):
         read_curve(tmp_path / "missing.csv", *size_of(SPRING))
@@ -312,16 +336,6 @@ def test_points_that_the_curve_does_not_have(arguments: dict[str, Any], part: st
         TargetCurve(*np.array(PAIRS).T).control_points(**arguments)
 
 
-def test_loading_and_unloading_are_averaged_and_told() -> None:
-    up = np.linspace(0, 20, 100)
-    rows = [f"{d},{0.2 * d + 0.3 * np.sin(np.pi * d / 20)}" for d in up]
-    rows += [f"{d},{0.2 * d - 0.3 * np.sin(np.pi * d / 20)}" for d in up[::-1]]
-    curve = parse_curve("\n".join(rows), *size_of(SPRING))
-    assert "loading and unloading" in curve.remarks[-1]
-    assert curve.force(10.0) == pytest.approx(2.0, abs=0.01)
-    assert curve.d[-1] == 20.0
-
-
 def test_noise_in_the_displacement_does_no_harm(random: np.random.Generator) -> None:
     d = np.linspace(-20, 20, 2000) + random.normal(0, 0.05, 2000)
     curve = parse_curve("\n".join(f"{a},{0.2 * a}" for a in d), *size_of(SPRING))
@@ -391,6 +405,12 @@ def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
         ('targets = {file = "curve.csv", points = 2.5}', "targets.points = 2.5"),
         ('targets = {file = "curve.csv", at = 3}', "targets.at = 3"),
         ('targets = {file = "curve.csv", compression = 1}', "targets.compression = 1"),
+        ('targets = {file = "curve.csv", specimen = true}', "targets.specimen = True"),
+        ('targets = {file = "curve.csv", specimen = 2}', "no specimen 2"),
+        ('targets = {file = "curve.csv", branch = "up"}', "branch = 'up'"),
+        ('targets = {file = "curve.csv", branch = 3}', "branch = 3"),
+        ('targets = {file = "curve.csv", quantities = "stress"}', "no columns strain and stress"),
+        ('targets = "a\\u0000b"', "cannot be read"),
         ('targets = "curve.csv"\nH = 15', "only H = 15 mm"),
         ('targets = "curve.csv"\nH = "tall"', "H = 'tall'"),
         ('targets = "curve.csv"\nE = 1\nK = 2', "described twice"),
@@ -403,6 +423,70 @@ def test_bad_targets_of_a_problem(folder: Path, text: str, part: str) -> None:
         problem_of(folder, text)
     assert part in str(error.value)
     assert "spring.toml" in str(error.value)
+
+
+def test_targets_are_read_beside_the_file_only(folder: Path) -> None:
+    (folder / "below").mkdir()
+    (folder / "below" / "curve.csv").write_text("d [mm],q [N]\n10,2\n-10,-2")
+    for name in ("below/curve.csv", "below/../curve.csv"):
+        assert problem_of(folder, f'targets = "{name}"').control_points
+    spring = folder / "below" / "spring.toml"
+    (folder / "below" / "link.csv").symlink_to(folder / "curve.csv")
+    for name in ("../curve.csv", str(folder / "curve.csv"), "link.csv"):
+        spring.write_text(f'targets = "{name}"\nE = 0.1')
+        with pytest.raises(ProblemError, match="not in the folder of this file or below it"):
+            SpringProblem.from_toml(spring)
+        allowed = SpringProblem.from_toml(spring, targets_anywhere=True)
+        assert [(p.d, p.q) for p in allowed.control_points] == PAIRS
+    assert "--targets-anywhere" in invoke("targets", spring, code=2).stderr
+    invoke("targets", spring, "--targets-anywhere", code=1)
+    options = ("--max-updates", 0, "--threads", 1, "--out", folder / "run")
+    assert "--targets-anywhere" in invoke("optimize", spring, *options, code=2).stderr
+    assert "out of reach" in invoke("optimize", spring, "--targets-anywhere", code=2).stderr
+
+
+SECRETS = [
+    "root:x:0:0:/root",
+    "token = hunter2",
+    "user,hunter2\n12,13\n14,15",
+    "12,13\nhunter2,root",
+]
+
+
+@pytest.mark.parametrize("secret", SECRETS)
+def test_an_error_shows_no_line_of_a_file_that_is_no_curve(secret: str, folder: Path) -> None:
+    (folder / "curve.csv").write_text(secret)
+    with pytest.raises(ProblemError) as error:
+        problem_of(folder, 'targets = "curve.csv"')
+    message = str(error.value).partition("curve.csv")[2]
+    assert "hunter2" not in message
+    assert "root" not in message
+
+
+def test_a_problem_with_targets_says_what_the_curve_says(folder: Path) -> None:
+    up = np.linspace(0.1, 10, 40)
+    loop = [
+        (d, 0.2 * d + sign * np.sin(np.pi * d / 10) / 2) for sign in (1, -1) for d in up[::sign]
+    ]
+    rows = "\n".join(f"{d:.3f};{q:.4f}" for d, q in loop)
+    (folder / "curve.csv").write_text(f"Weg [mm];Kraft [N]\n{rows}")
+    (folder / "spring.toml").write_text('targets = "curve.csv"\nelements = 8\nl_i = 10')
+    said = notes_of(invoke("targets", folder / "curve.csv").stdout)
+    assert [note for note in said if "'Kraft [N]' is taken as q" in note]
+    assert [note for note in said if "loading and unloading differ" in note]
+    assert [note for note in said if "control points stand for 40 points" in note]
+    assert said == notes_of(invoke("targets", folder / "spring.toml").stdout)
+    options = ("--max-updates", 1, "--threads", 1, "--out", folder / "run")
+    assert said == notes_of(invoke("optimize", folder / "spring.toml", *options).stderr)
+    out = folder / "written.toml"
+    invoke("targets", folder / "curve.csv", "--write", out)
+    assert all(f"# {note}\n" in out.read_text() for note in said)
+
+
+def notes_of(text: str) -> list[str]:
+    """Notes on the curve; those on the targets come after them and begin with "from"."""
+    notes = [line.partition("note: ")[2] for line in text.splitlines() if "note: " in line]
+    return [note for note in notes if not note.startswith("from d = ")]
 
 
 def test_a_design_file_names_no_other_file() -> None:
@@ -527,7 +611,11 @@ def test_a_case_can_be_checked_as_it_is(name: str) -> None:
         ("targets CURVE --at -50", "outside the curve"),
         ("targets CURVE --nu 0.5 --E 1", "nu = 0.5"),
         ("targets CURVE --E 1 --shore-a 30", "described twice"),
-        ("targets CURVE --material rubbr", "did you mean"),
+        ("targets CURVE --material rubbr", "did you mean 'natural rubber'"),
+        ("targets CURVE --material nylon", "give its Young's modulus E"),
+        ("targets CURVE --specimen 2", "no specimen 2"),
+        ("targets CURVE --quantities stress", "no columns strain and stress"),
+        ("targets C7 --branch mean", "checked as it is"),
         ("targets CURVE --height -3", "H = -3.0"),
         ("targets CURVE --elements 7", "elements = 7"),
         ("targets CURVE --kinematics axisymmetric --thickness 3", "no thickness"),
@@ -604,6 +692,15 @@ def test_a_diagonal_of_the_page_is_a_linear_spring(curve: str, page: str, tmp_pa
     assert drawn.force(np.clip(d, *drawn.range)) == pytest.approx(0.2 * d, abs=1e-6)
 
 
+def test_one_of_several_drawn_curves_is_chosen(tmp_path: Path) -> None:
+    pytest.importorskip("svgelements")
+    path = tmp_path / "curve.svg"
+    path.write_text(drawing('<path d="M 0 100 L 200 0 M 0 100 L 200 50"/>', CURVES["line"]))
+    for specimen, force in ((1, 4.0), (2, 2.0), (3, 4.0)):
+        drawn = read_curve(path, *size_of(SPRING), ((0, 20), (0, 4)), specimen=specimen)
+        assert drawn.force(20.0) == pytest.approx(force)
+
+
 def test_a_rectangle_is_the_axes(tmp_path: Path) -> None:
     pytest.importorskip("svgelements")
     path = tmp_path / "curve.svg"
@@ -618,7 +715,8 @@ def test_a_rectangle_is_the_axes(tmp_path: Path) -> None:
     ("text", "part"),
     [
         (drawing(), "0 paths"),
-        (drawing(CURVES["path"], CURVES["line"]), "2 paths"),
+        (drawing(CURVES["path"], CURVES["line"]), "holds 2 curves .*--specimen 1 to 2"),
+        (drawing('<path d="M 0 100 L 200 0 M 0 50 L 200 50"/>'), "holds 2 curves"),
         (drawing('<path d="M 1 1"/>'), "no length"),
         ("d,q\n1,2", "not a valid SVG"),
         ("<svg", "not a valid SVG"),

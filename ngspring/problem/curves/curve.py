@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.basics.checks import finite_number
+from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike, read_text
+from ngspring.problem.curves.branches import single_valued
 from ngspring.problem.curves.drawing import parse_drawing
 from ngspring.problem.curves.table import parse_columns
 from ngspring.problem.point import ControlPoint
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 MOST_POINTS = 6
 #: The curve through the chosen points stays this close to the given one, relative to its range.
 CLOSE = 0.02
-#: Points closer than this part of the range are averaged: noise, or loading and unloading.
-_BIN = 1 / 200
+#: A force closer to d = 0 than this part of the range is one at the origin.
+_NEAR_ZERO = 1 / 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +151,23 @@ class TargetCurve:
         k = int(error.argmax())
         return float(inside[k]), float(error[k] / np.abs(self.q).max(initial=1e-300))
 
+    def notes(self, points: Iterable[ControlPoint]) -> tuple[str, ...]:
+        """The remarks, and how well fewer control points stand for the curve.
+
+        Parameters
+        ----------
+        points : iterable of ControlPoint
+            Those of the design itself; ones with an eta are left out.
+        """
+        chosen = [point for point in points if not point.eta]
+        if len(chosen) >= len(self.d):
+            return self.remarks
+        return (
+            *self.remarks,
+            f"{len(chosen)} control points stand for {len(self.d)} points: a smooth curve through"
+            f" them is within {100 * self.deviation(chosen):.2g} % of the largest force",
+        )
+
     def deviation(self, points: Iterable[ControlPoint]) -> float:
         """Largest distance of the curve through control points from this one, relative to max |q|.
 
@@ -178,7 +196,15 @@ def _neat(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def parse_curve(text: str, height: float, area: float, compression: bool = False) -> TargetCurve:
+def parse_curve(
+    text: str,
+    height: float,
+    area: float,
+    compression: bool = False,
+    branch: str | None = None,
+    specimen: int | None = None,
+    quantities: str | None = None,
+) -> TargetCurve:
     """A target curve from CSV text.
 
     Parameters
@@ -191,13 +217,19 @@ def parse_curve(text: str, height: float, area: float, compression: bool = False
     compression : bool
         Whether the text counts compression as positive, as test machines do: both signs are
         turned. A column whose name says so, such as ``compression [mm]``, turns them as well.
+    branch : {"loading", "unloading", "mean"}, optional
+        Of a test with loops, see `ngspring.problem.curves.branches`; loading by default.
+    specimen : int, optional
+        Which one, from 1, if there are several.
+    quantities : {"force", "stress"}, optional
+        Which to take of a file that has both; displacement and force by default.
 
     Raises
     ------
     ProblemError
         If the text cannot be read, has no point but the origin, or a displacement of H or more.
     """
-    columns = parse_columns(text)
+    columns = parse_columns(text, specimen, quantities)
     d, q = columns.x, columns.y
     if columns.stress:
         d, q = d * height, q * area
@@ -208,7 +240,7 @@ def parse_curve(text: str, height: float, area: float, compression: bool = False
         remarks.append(
             "all points are taken as tension; if this was a compression test, give --compression"
         )
-    return _curve(d, q, height, remarks, columns.stress)
+    return _curve(d, q, height, remarks, branch, columns.stress)
 
 
 def _is_positive(values: FloatArray) -> bool:
@@ -241,11 +273,11 @@ def _turned(
                 " negative, which is compression already: leave it out"
             )
         remarks.append(
-            f"column {column!r} names compression, but d is negative, which is compression already:"
-            " the signs stay as they are"
+            f"column {shown(column)} names compression, but d is negative, which is compression"
+            " already: the signs stay as they are"
         )
         return d, q
-    reason = f"column {column!r} counts compression as positive" if column else "--compression"
+    reason = f"column {shown(column)} counts compression as positive" if column else "--compression"
     remarks.append(
         f"{reason}: both signs are turned, and a row with negative numbers in the file is tension"
     )
@@ -253,7 +285,12 @@ def _turned(
 
 
 def _curve(
-    d: FloatArray, q: FloatArray, height: float, remarks: list[str], stress: bool = False
+    d: FloatArray,
+    q: FloatArray,
+    height: float,
+    remarks: list[str],
+    branch: str | None,
+    stress: bool = False,
 ) -> TargetCurve:
     if not (d != 0.0).any():
         raise ProblemError("the curve has no point with d different from zero")
@@ -263,20 +300,13 @@ def _curve(
         if 10 * height < far < 600 * height:
             hint = " (are the displacements in µm? name their column d [um])"
         if stress:
-            hint = " (is the strain in %? name its column strain [%])"
+            hint = " (is it in %, or a stretch? name its column strain [%] or stretch)"
         raise ProblemError(
             f"the curve goes to d = {far:g} mm, but the spring is only H = {height:g} mm high{hint}"
         )
-    order = np.argsort(d, kind="stable")
-    d, q = d[order], q[order]
+    d, q = single_valued(d, q, branch, remarks)
     scale = float(np.abs(q).max())
-    d, q, spread = _averaged(d, q)
-    if spread > 0.05 * scale:
-        remarks.append(
-            "different forces at the same displacement (loading and unloading, or noise): their"
-            f" mean is used; they differ by up to {spread:.3g} N"
-        )
-    near = np.abs(d) <= _BIN * (d[-1] - d[0]) if len(d) > MOST_POINTS else d == 0.0
+    near = np.abs(d) <= _NEAR_ZERO * (d[-1] - d[0]) if len(d) > MOST_POINTS else d == 0.0
     if near.any() and (preload := float(np.abs(q[near]).max())) > 0.05 * scale:
         remarks.append(
             f"the curve does not pass through the origin (q = {preload:.3g} N near d = 0): a spring"
@@ -285,36 +315,15 @@ def _curve(
     return TargetCurve(d, q, tuple(remarks))
 
 
-def _averaged(d: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Points with each displacement once, from sorted ones, and the largest spread of forces."""
-    width = _BIN * (d[-1] - d[0]) if len(d) > 50 else 0.0
-    groups: list[list[int]] = [[0]]
-    for k in range(1, len(d)):
-        first = d[groups[-1][0]]
-        # The ends stay as they are: the mean of a bin lies inside of it.
-        inside = d[0] < first and d[k] < d[-1] and (d[k] > 0) == (first > 0)
-        if d[k] == first or (inside and d[k] - first <= width):
-            groups[-1].append(k)
-        else:
-            groups.append([k])
-    mean_d = np.array([d[group].mean() for group in groups])
-    spread = 0.0
-    for group in groups:
-        if len(group) > 1:
-            # What a slope explains is no spread.
-            slope = (
-                np.polyfit(d[group], q[group], 1) if np.ptp(d[group]) > 0 else [0, q[group].mean()]
-            )
-            spread = max(spread, float(np.ptp(q[group] - np.polyval(slope, d[group]))))
-    return mean_d, np.array([q[group].mean() for group in groups]), spread
-
-
 def read_curve(
     path: PathLike,
     height: float,
     area: float,
     axes: tuple[tuple[float, float], tuple[float, float]] | None = None,
     compression: bool = False,
+    branch: str | None = None,
+    specimen: int | None = None,
+    quantities: str | None = None,
 ) -> TargetCurve:
     """A target curve from a CSV file, or from an SVG drawing.
 
@@ -330,6 +339,8 @@ def read_curve(
         Ranges of d in mm and of q in N of a drawing.
     compression : bool
         Whether the file counts compression as positive: both signs are turned.
+    branch, specimen, quantities : optional
+        What to take of a file that holds more than one curve, see `parse_curve`.
 
     Raises
     ------
@@ -341,13 +352,13 @@ def read_curve(
     try:
         if drawn and axes is None:
             raise ProblemError("a drawing needs the ranges of d and q that its axes stand for")
-        text = read_text(name)
+        text = read_text(name, foreign=not drawn)
         if axes is not None and drawn:
-            d, q = parse_drawing(text, *axes)
+            d, q = parse_drawing(text, *axes, specimen)
             remarks: list[str] = []
             if compression:
                 d, q = _turned(d, q, remarks)
-            return _curve(d, q, height, remarks)
-        return parse_curve(text, height, area, compression)
+            return _curve(d, q, height, remarks, branch)
+        return parse_curve(text, height, area, compression, branch, specimen, quantities)
     except ProblemError as error:
         raise ProblemError(f"{name!r}: {error}") from error.__cause__

@@ -1,7 +1,8 @@
 """A target curve drawn in any vector graphics program.
 
-The drawing has one open path (or polyline, or line): the curve. The axes are the edges of its only
-rectangle if it has one, else of the page; what they stand for is given as ranges of d and q.
+The drawing has one open path (or polyline, or line): the curve. Of several, and of the separate
+parts of one path, one has to be chosen. The axes are the edges of its only rectangle if it has one,
+else of the page; what they stand for is given as ranges of d and q.
 Needs `svgelements` (the extra ``svg``).
 """
 
@@ -13,14 +14,19 @@ from typing import Any
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
+from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.curves.table import chosen_specimen
 
 #: Points on each segment (a line, an arc, a cubic) of the path.
 _PER_SEGMENT = 64
 
 
 def parse_drawing(
-    text: str, d_range: tuple[float, float], q_range: tuple[float, float]
+    text: str,
+    d_range: tuple[float, float],
+    q_range: tuple[float, float],
+    specimen: int | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements in mm and forces in N along the curve of an SVG drawing.
 
@@ -30,11 +36,14 @@ def parse_drawing(
         Content of the SVG file.
     d_range, q_range : pair of float
         What the left and right, and the lower and upper, edges of the axes stand for.
+    specimen : int, optional
+        Which curve, from 1, if there are several.
 
     Raises
     ------
     ProblemError
-        If svgelements is not installed, the text is no SVG, or has not exactly one curve.
+        If svgelements is not installed, the text is no SVG, or it has no curve, or several of which
+        none is chosen.
     """
     for name, (low, high) in (("d", d_range), ("q", q_range)):
         if not low < high:
@@ -48,19 +57,25 @@ def parse_drawing(
         shapes = list(drawing.elements())
     except Exception as error:
         # The XML parser and svgelements raise many kinds of errors.
-        raise ProblemError(f"not a valid SVG drawing: {error}") from error
+        raise ProblemError(f"not a valid SVG drawing: {shown(str(error))}") from error
     frames = [shape for shape in shapes if isinstance(shape, svgelements.Rect)]
     kinds = (svgelements.Path, svgelements.Polyline, svgelements.SimpleLine)
-    curves = [shape for shape in shapes if isinstance(shape, kinds)]
-    if len(curves) != 1 or len(frames) > 1:
+    curves = [
+        part
+        for shape in shapes
+        if isinstance(shape, kinds)
+        for part in svgelements.Path(shape).as_subpaths()
+    ]
+    if not curves or len(frames) > 1:
         raise ProblemError(
             f"the drawing has {len(curves)} paths and {len(frames)} rectangles: it must have one"
             " path, the curve, and at most one rectangle, the axes"
         )
+    curve = svgelements.Path(curves[chosen_specimen(specimen, len(curves))])
     left, top, right, bottom = _edges(svgelements, drawing, frames)
     if not (left < right and top < bottom):
         raise ProblemError("the drawing has no page size: draw a rectangle around the axes")
-    points = _sampled(svgelements.Path(curves[0]))
+    points = _sampled(curve)
     x = (points[:, 0] - left) / (right - left)
     y = (bottom - points[:, 1]) / (bottom - top)
     return (

@@ -1,65 +1,33 @@
-"""Numbers out of a CSV file, whatever program and country it comes from.
+"""Displacement and force, or strain and stress, out of a CSV file.
 
-Fields may be separated by semicolons, tabs, commas or blanks; decimals may have a comma where that
-cannot be mistaken; lines that begin with ``#`` are comments. A header names the columns and may
-give a unit, ``d [mm]``, ``force (kN)``, ``F / N`` or ``d_mm``; where the name is not known the unit
-tells.
-Without a header the first column is d in mm and the second q in N. A name may also tell in which
-direction the test went, ``compression [mm]``.
+How the file is laid out is found by `ngspring.problem.curves.layout`, what its headings mean by
+`ngspring.problem.curves.heading`. A header names the columns and may give a unit, ``d [mm]``,
+``force (kN)``, ``F / N`` or ``d_mm``; where the name is not known the unit tells. Without a header
+the first column is d in mm and the second q in N. A name may also tell in which direction the test
+went, ``compression [mm]``, or that stress and strain are true ones or a stretch, which are
+converted.
 """
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.basics.checks import shown
+from ngspring.basics.checks import choice, shown
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.curves.heading import UNITS, Heading
+from ngspring.problem.curves.layout import Table, read_tables
 
-_NEWTON_PER_POUND = 4.4482216152605
-
-#: Factors to mm, N, MPa and 1.
-UNITS: dict[str, dict[str, float]] = {
-    "d": {"mm": 1.0, "cm": 10.0, "m": 1e3, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "in": 25.4},
-    "q": {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "lbf": _NEWTON_PER_POUND, "kgf": 9.80665},
-    "strain": {"-": 1.0, "1": 1.0, "": 1.0, "mm/mm": 1.0, "%": 0.01},
-    "stress": {
-        "MPa": 1.0,
-        "N/mm^2": 1.0,
-        "N/mm2": 1.0,
-        "N/mm²": 1.0,
-        "kPa": 1e-3,
-        "Pa": 1e-6,
-        "GPa": 1e3,
-        "bar": 0.1,
-        "psi": _NEWTON_PER_POUND / 25.4**2,
-    },
-}
-
-#: Names of the columns that are understood, in lower case.
-NAMES: dict[str, str] = {
-    **dict.fromkeys(("d", "displacement", "deflection", "travel", "extension"), "d"),
-    **dict.fromkeys(("q", "force", "load", "reaction", "f"), "q"),
-    **dict.fromkeys(("strain", "epsilon", "ε"), "strain"),
-    **dict.fromkeys(("stress", "sigma", "σ"), "stress"),
-}
+#: Pairs of quantities that make a curve, by what they are called.
+QUANTITIES = {"force": ("d", "q"), "stress": ("strain", "stress")}
 
 #: Parts of names, in lower case, of columns that count compression, or tension, as positive.
 _COMPRESSION = ("compress", "crush", "druck", "stauch")
 _TENSION = ("tens", "exten", "elong", "stretch", "zug", "dehn")
 
-_HEADER = re.compile(r"\s*(?P<name>[^\[\](),/]*?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])])?\s*")
-#: ``name / unit`` as in ISO 80000, and ``name_unit``.
-_HEADER_WITH_SLASH = re.compile(
-    r"(?P<name>[^/\[\](),]*[^/\[\](),\s])(?P<slash>\s*/\s*)[(\[]?(?P<unit>[^\[\]()]+?)[)\]]?"
-)
-_HEADER_WITH_UNDERSCORE = re.compile(r"(?P<name>[^/\[\](),]+)_(?P<unit>[^_\[\]()\s]+)")
-_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _EXAMPLE = "write for example d [mm];q [N]"
 
 
@@ -70,7 +38,8 @@ class Columns:
     Attributes
     ----------
     x, y : arrays
-        Displacements in mm and forces in N, or strains and stresses in MPa.
+        Displacements in mm and forces in N, or strains and nominal stresses in MPa, in the order of
+        the file.
     stress : bool
         Whether they are strains and stresses.
     remarks : tuple of str
@@ -88,222 +57,212 @@ class Columns:
     tension: str = ""
 
 
-def parse_columns(text: str) -> Columns:
+@dataclass(frozen=True)
+class _Pair:
+    """Where the two columns of a specimen are."""
+
+    table: Table
+    headings: tuple[Heading, Heading]
+    columns: tuple[int, int]
+
+
+def parse_columns(text: str, specimen: int | None = None, quantities: str | None = None) -> Columns:
     """Displacement and force, or strain and stress, from CSV text.
+
+    Parameters
+    ----------
+    text : str
+    specimen : int, optional
+        Which of several specimens, from 1, side by side or one below the other.
+    quantities : {"force", "stress"}, optional
+        Which to take if there are both: force and displacement by default.
 
     Raises
     ------
     ProblemError
-        If the text has no such columns, or a number cannot be read without guessing.
+        If the text has no such columns, several specimens of which none is chosen, or a number that
+        cannot be read without guessing.
     """
-    lines = [
-        (number, line.strip())
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise ProblemError("the file has no rows of numbers")
-    header = lines[0][1] if _is_header(lines[0][1]) else None
-    rows = lines if header is None else lines[1:]
-    if not rows:
-        raise ProblemError("the file has a header but no rows of numbers")
-    separator = _separator([line for _, line in rows])
-    table = _numbers(rows, separator)
-    if header is None:
-        if table.shape[1] != 2:
-            raise ProblemError(
-                f"the rows have {table.shape[1]} columns but no header says what they are: begin"
-                " with a line such as d [mm];q [N] (decimal commas need semicolons between columns)"
-            )
-        remark = "no header: the first column is taken as d in mm, the second as q in N"
-        return Columns(table[:, 0], table[:, 1], False, (remark,))
-    names = _split(header, separator)
-    if len(names) != table.shape[1]:
-        raise ProblemError(
-            f"the header has {len(names)} columns but the rows have {table.shape[1]}"
-            " (decimal commas need semicolons between columns)"
-        )
-    return _named(names, table)
-
-
-def _named(names: Sequence[str], table: FloatArray) -> Columns:
-    columns = [_Heading.of(text) for text in names]
-    found: dict[str, FloatArray] = {}
-    texts: dict[str, str] = {}
+    tables, skipped = read_tables(text)
     remarks = []
-    by_unit = [c.kind_of_unit for c in columns if not c.kind]
-    for k, column in enumerate(columns):
-        kind = column.kind
-        if not kind and by_unit.count(column.kind_of_unit) == 1:
-            # A name in another language; its unit tells what it is.
-            kind = column.kind_of_unit
-            if kind in [c.kind for c in columns]:
-                continue
-            if kind:
-                remarks.append(f"column {column.text!r} is taken as {kind}, by its unit")
-        if not kind:
-            continue
-        if kind in found:
-            raise ProblemError(f"two columns are named like {kind!r}: {', '.join(names)}")
-        unit = column.unit
-        if unit is None:
-            unit = next(iter(UNITS[kind]))
-            remarks.append(f"column {column.text!r} has no unit: taken as [{unit}]")
-        if unit not in UNITS[kind]:
-            right = ", ".join(u for u in UNITS[kind] if u)
-            raise ProblemError(
-                f"unit {shown(unit)} of column {column.text!r} is not one of {right}"
-            )
-        found[kind] = table[:, k] * UNITS[kind][unit]
-        texts[kind] = column.text
-    for pair in (("d", "q"), ("strain", "stress")):
-        if all(kind in found for kind in pair):
-            used = [texts[kind] for kind in pair]
-            return Columns(
-                found[pair[0]],
-                found[pair[1]],
-                "stress" in pair,
-                tuple(remarks),
-                compression=_first_with(_COMPRESSION, used),
-                tension=_first_with(_TENSION, used),
+    if skipped:
+        remarks.append(f"{skipped} rows of numbers before the header are left out")
+    if not tables[0].header:
+        chosen_specimen(specimen, 1)
+        x, y = tables[0].numbers((0, 1)).T
+        remarks.append("no header: the first column is taken as d in mm, the second as q in N")
+        return Columns(x, y, False, tuple(remarks))
+    found = [_pairs(table) for table in tables]
+    kind = _kind_of_curve(found, quantities, remarks)
+    pairs = [pair for each in found for pair in each[kind]]
+    pair = pairs[chosen_specimen(specimen, len(pairs))]
+    x, y = (column for column in pair.table.numbers(pair.columns).T)
+    x, y = (
+        values * _factor(heading, remarks)
+        for values, heading in zip((x, y), pair.headings, strict=True)
+    )
+    if kind == "stress":
+        x, y = _nominal(x, y, pair.headings, remarks)
+    texts = [heading.text for heading in pair.headings]
+    return Columns(
+        x,
+        y,
+        kind == "stress",
+        tuple(remarks),
+        compression=_first_with(_COMPRESSION, texts),
+        tension=_first_with(_TENSION, texts),
+    )
+
+
+def chosen_specimen(specimen: int | None, count: int) -> int:
+    """Index of the chosen one of several curves in a file.
+
+    Raises
+    ------
+    ProblemError
+        If none is chosen, or there is none of this number.
+    """
+    if specimen is None and count > 1:
+        raise ProblemError(
+            f"the file holds {count} curves (specimens): choose one with --specimen 1 to {count}"
+            " (specimen = 1 in TOML and Python)"
+        )
+    if specimen is not None and not 1 <= specimen <= count:
+        raise ProblemError(f"there is no specimen {shown(specimen)}: the file holds {count}")
+    return (specimen or 1) - 1
+
+
+def _kind_of_curve(
+    found: Sequence[dict[str, list[_Pair]]], quantities: str | None, remarks: list[str]
+) -> str:
+    """Whether force or stress is taken, of the pairs found in each table."""
+    there = [kind for kind in QUANTITIES if all(pairs.get(kind) for pairs in found)]
+    if quantities is not None:
+        if choice("quantities", quantities, tuple(QUANTITIES)) not in there:
+            x, y = QUANTITIES[quantities]
+            raise ProblemError(f"quantities = {quantities!r}, but there are no columns {x} and {y}")
+        return quantities
+    if len(there) == 2:
+        remarks.append(
+            "the file has displacement and force as well as strain and stress: displacement and"
+            " force are taken as they are, for a spring as large as the specimen;"
+            " --quantities stress takes the others"
+        )
+    if not there:
+        raise ProblemError("not every table of the file has the same kind of columns")
+    return there[0]
+
+
+def _pairs(table: Table) -> dict[str, list[_Pair]]:
+    """The columns that belong together, by kind of curve; one pair for each specimen.
+
+    Raises
+    ------
+    ProblemError
+        If there is no pair, or more than one column could be meant.
+    """
+    for numbered in (False, True):
+        headings = [Heading.of(text, numbered) for text in table.header]
+        by_name = {kind: [k for k, h in enumerate(headings) if h.kind == kind] for kind in UNITS}
+        places = {kind: found or _by_unit(headings, kind) for kind, found in by_name.items()}
+        pairs = {
+            kind: _paired(table, headings, places[x], places[y])
+            for kind, (x, y) in QUANTITIES.items()
+            if places[x] and places[y]
+        }
+        if pairs:
+            return pairs
+    raise _no_pair(headings, {kind for kind in places if places[kind]})
+
+
+def _by_unit(headings: Sequence[Heading], kind: str) -> list[int]:
+    """Columns in another language, whose unit tells what they are, if they have one name."""
+    places = [k for k, h in enumerate(headings) if not h.kind and h.kind_of_unit == kind]
+    return places if len({headings[k].name for k in places}) == 1 else []
+
+
+def _paired(
+    table: Table, headings: Sequence[Heading], x: Sequence[int], y: Sequence[int]
+) -> list[_Pair]:
+    count = max(len(x), len(y))
+    same_names = all(len({headings[k].name for k in places}) == 1 for places in (x, y))
+    if len(y) < count or len(x) not in (1, count) or not same_names:
+        twice = x if len(x) > 1 else y
+        names = ", ".join(headings[k].text for k in twice)
+        raise ProblemError(
+            f"two columns are named like {headings[twice[0]].kind!r}: {shown(names)}; leave all but"
+            " one out"
+        )
+    return [
+        _Pair(table, (headings[i], headings[j]), (i, j))
+        for i, j in zip(x if len(x) == count else [*x] * count, y, strict=True)
+    ]
+
+
+def _no_pair(headings: Sequence[Heading], kinds: set[str]) -> ProblemError:
+    """The error for a header without a pair of columns; it shows only names that are known."""
+    for heading in headings:
+        if not heading.kind and heading.has_other_measure:
+            return ProblemError(
+                f"column {shown(heading.text)} is neither nominal nor true: convert it to nominal"
+                " strain and stress"
             )
     missing = {"d": "q", "q": "d", "strain": "stress", "stress": "strain"}
-    for kind in found:
-        raise ProblemError(
-            f"there is a column for {kind} but none for {missing[kind]}: {', '.join(names)};"
-            f" {_EXAMPLE}"
-        )
-    raise ProblemError(
-        f"none of the columns {', '.join(names)} is named d (or displacement) and q (or force), or"
+    for kind in UNITS:
+        if kind in kinds:
+            return ProblemError(
+                f"there is a column for {kind} but none for {missing[kind]} among the"
+                f" {len(headings)} columns; {_EXAMPLE}"
+            )
+    return ProblemError(
+        f"none of the {len(headings)} columns is named d (or displacement) and q (or force), or"
         f" strain and stress; {_EXAMPLE}"
     )
 
 
-def _kind_of_name(name: str) -> str:
-    """The kind of quantity that has this name; empty if it is not known."""
-    # "compressive force" is a force.
-    return NAMES.get(re.sub(r"^compress\w*[\s_]+(?=\w)", "", name.casefold()), "")
+def _factor(heading: Heading, remarks: list[str]) -> float:
+    """The factor of a column's unit; what was assumed is added to the remarks."""
+    kind = heading.kind or heading.kind_of_unit
+    if not heading.kind:
+        remarks.append(f"column {shown(heading.text)} is taken as {kind}, by its unit")
+    unit = heading.unit
+    if unit is None:
+        unit = next(iter(UNITS[kind]))
+        remarks.append(f"column {shown(heading.text)} has no unit: taken as [{unit}]")
+    allowed = UNITS[kind] if heading.measure != "stretch" else {"-": 1.0, "1": 1.0, "": 1.0}
+    if unit not in allowed:
+        right = ", ".join(u for u in allowed if u)
+        raise ProblemError(
+            f"unit {shown(unit)} of column {shown(heading.text)} is not one of {right}"
+        )
+    return allowed[unit]
 
 
-def _ends_with_unit(name: str) -> bool:
-    """Whether the last word of a name is a unit, where it is not a known name as F and d are."""
-    word = name.split()[-1]
-    return word.casefold() not in NAMES and any(word in units for units in UNITS.values())
+def _nominal(
+    strain: FloatArray, stress: FloatArray, headings: tuple[Heading, Heading], remarks: list[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Nominal strain and stress from stretch, true strain, or true stress."""
+    of_x, of_y = headings
+    if of_x.measure == "stretch":
+        strain = strain - 1.0
+        remarks.append(f"column {shown(of_x.text)} is a stretch: strain = stretch - 1")
+    if of_x.measure == "true":
+        strain = np.expm1(strain)
+        remarks.append(f"column {shown(of_x.text)} is converted to nominal: exp(strain) - 1")
+    if (strain <= -1.0).any() or not np.isfinite(strain).all():
+        raise ProblemError(
+            f"column {shown(of_x.text)} goes beyond what is possible: nominal strain is above -1"
+            " (a stretch above 0); is it in %?"
+        )
+    if of_y.measure == "true":
+        stress = stress / (1.0 + strain)
+        remarks.append(
+            f"column {shown(of_y.text)} is converted to nominal: divided by the stretch, as if the"
+            " volume stayed the same"
+        )
+    return strain, stress
 
 
 def _first_with(parts: Sequence[str], names: Sequence[str]) -> str:
     """The first name that contains one of the parts; empty if none does."""
     return next((name for name in names if any(part in name.casefold() for part in parts)), "")
-
-
-@dataclass(frozen=True)
-class _Heading:
-    """A column's name, unit (None if it has none) and kind (empty if the name is not known)."""
-
-    text: str
-    kind: str
-    unit: str | None
-
-    @classmethod
-    def of(cls, text: str) -> _Heading:
-        text = text.strip().strip('"')
-        for name, unit in cls._with_unit(text):
-            heading = cls(text, _kind_of_name(name), unit)
-            if unit in UNITS.get(heading.kind or heading.kind_of_unit, {}):
-                return heading
-        match = _HEADER.fullmatch(text)
-        if match is None:
-            return cls(text, "", None)
-        name, unit = match["name"], match["unit"]
-        if unit is None and name.casefold() == "compression":
-            return cls(text, "d", None)
-        return cls(text, _kind_of_name(name), unit)
-
-    @staticmethod
-    def _with_unit(text: str) -> Iterator[tuple[str, str]]:
-        """Names and units without brackets, if these are what they may be."""
-        match = _HEADER_WITH_SLASH.fullmatch(text)
-        # "N/mm" and "rate mm/s" are units themselves.
-        if match and (match["slash"] != "/" or not _ends_with_unit(match["name"])):
-            yield match["name"], match["unit"]
-        match = _HEADER_WITH_UNDERSCORE.fullmatch(text)
-        # The number of "d_1" is no unit.
-        if match and match["unit"] not in ("1", "-"):
-            yield match["name"].strip(), match["unit"]
-
-    @property
-    def kind_of_unit(self) -> str:
-        """The kind of quantity that is measured in this unit; empty if there is none or several."""
-        kinds = [kind for kind, units in UNITS.items() if self.unit and self.unit in units]
-        return kinds[0] if len(kinds) == 1 else ""
-
-
-# -- text to numbers -------------------------------------------------------------------------------
-
-
-def _is_header(line: str) -> bool:
-    """Whether a line has letters other than those of numbers (1e-3, nan, inf)."""
-    words = re.findall(r"[^\W\d_]+", line)
-    return any(word.casefold() not in ("e", "nan", "inf", "infinity") for word in words)
-
-
-def _split(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        # A blank between a name and its unit separates nothing.
-        return re.sub(r"\s+(?=[\[(])|\s*(/)\s*", r"\1", line).split()
-    parts = [part.strip() for part in line.split(separator)]
-    while len(parts) > 1 and not parts[-1]:
-        parts.pop()
-    return parts
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """The separator by which all rows have the same number of at least two readable fields."""
-    for separator in (";", "\t", ",", " "):
-        fields = [_split(line, separator) for line in lines]
-        pattern = r"[+-]?[\d.,eE+-]+|nan|[+-]?inf" if separator != "," else r"[+-]?[\d.eE+-]+|nan"
-        readable = all(re.fullmatch(pattern, field, re.I) for row in fields for field in row)
-        if len(fields[0]) >= 2 and readable and len({len(row) for row in fields}) == 1:
-            return separator
-    for separator in (";", "\t", ",", " "):
-        if all(len(_split(line, separator)) >= 2 for line in lines):
-            return separator
-    raise ProblemError(
-        f"{shown(lines[0])} is not a row of two numbers: write d and q with a comma, a semicolon, a"
-        " tab or a blank between them"
-    )
-
-
-def _numbers(rows: Sequence[tuple[int, str]], separator: str) -> FloatArray:
-    fields = [(number, _split(line, separator)) for number, line in rows]
-    with_comma = [text for _, row in fields for text in row if "," in text]
-    if with_comma:
-        _check_decimal_commas(with_comma, [text for _, row in fields for text in row])
-    table = []
-    for number, row in fields:
-        if len(row) != len(fields[0][1]):
-            raise ProblemError(
-                f"line {number} has {len(row)} columns, but the first row has {len(fields[0][1])}"
-            )
-        try:
-            values = [float(text.strip('"').replace(",", ".")) for text in row]
-        except ValueError:
-            raise ProblemError(f"line {number}: {shown(' '.join(row))} are not numbers") from None
-        if not all(map(math.isfinite, values)):
-            raise ProblemError(f"line {number}: {shown(' '.join(row))} are not finite numbers")
-        table.append(values)
-    return np.array(table)
-
-
-def _check_decimal_commas(with_comma: Sequence[str], everything: Sequence[str]) -> None:
-    """Refuse what may be a decimal comma or a thousands separator."""
-    example = shown(with_comma[0])
-    if any("." in text for text in everything) or any(text.count(",") > 1 for text in with_comma):
-        raise ProblemError(
-            f"{example}: commas and points are mixed, or a number has two commas; write numbers"
-            " without thousands separators"
-        )
-    if all(_GROUPS.fullmatch(text) for text in with_comma):
-        raise ProblemError(
-            f"{example} may be a decimal comma or a thousands separator: write it with a point"
-        )
