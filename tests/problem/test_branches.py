@@ -80,6 +80,15 @@ def test_loading_after_a_part_of_unloading_keeps_its_beginning() -> None:
     curve = read(d, q)
     assert curve.d[:2].tolist() == [0.0, 2.0]
     assert curve.d[-1] == 10.0
+    with pytest.raises(ProblemError, match="only d = 3 to 6 mm in common"):
+        read(d, q, "mean")
+
+
+def test_a_table_to_which_points_were_added_is_one_curve() -> None:
+    d = np.array([0, 4, 8, 12, 2, 6, 10.0])
+    curve = read(d, 0.01 * d**2)
+    assert curve.d.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0]
+    assert "all are taken, sorted by d" in curve.remarks[-1]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

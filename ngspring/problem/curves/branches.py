@@ -46,7 +46,8 @@ def single_valued(d: FloatArray, q: FloatArray, branch: str | None, remarks: lis
     Raises
     ------
     ProblemError
-        If the path snaps back: then it is no function of d.
+        If the path snaps back: then it is no function of d; or if a mean is asked for, but loading
+        and unloading have less than half of the displacements in common.
     """
     if branch is not None:
         choice("branch", branch, BRANCHES)
@@ -57,7 +58,10 @@ def single_valued(d: FloatArray, q: FloatArray, branch: str | None, remarks: lis
         _refuse_snap_back(d, q, legs)
         return _of_branches(_branches(d, q, legs), branch, remarks)
     if apart:
-        remarks.append("the rows are in no order of d: all are taken, sorted")
+        remarks.append(
+            "the rows go forth and back in d, with forces that differ by at most"
+            f" {100 * apart:.2g} % of the largest: all are taken, sorted by d"
+        )
     if branch is not None:
         remarks.append(f"the curve has no loops: --branch {branch} changes nothing")
     return _in_order(d, q, remarks)
@@ -198,6 +202,11 @@ def _of_branches(
             k = int(np.abs(one - two).argmax())
             differences.append((abs(one[k] - two[k]), grid[k], one[k], two[k]))
             mean = (grid, 0.5 * (one + two))
+            if branch == "mean" and np.ptp(grid) < 0.5 * max(np.ptp(d) for d, _ in curves):
+                raise ProblemError(
+                    f"loading and unloading have only d = {grid[0]:.4g} to {grid[-1]:.4g} mm in"
+                    " common, too little for a mean: take one of them"
+                )
             curves = [mean if branch == "mean" else curves[BRANCHES.index(branch or "loading")]]
         chosen += curves
     if differences:
