@@ -148,9 +148,9 @@ ELASTOMERS: tuple[Elastomer, ...] = (
     Elastomer("TPU", "TPU", (60, 95), 85, "printed; noticeable hysteresis"),
     Elastomer("SEBS", "TPS", (10, 90), 50, "moulded or printed"),
     # 44 (cured at 25 °C) to 54 (200 °C): Johnston et al., J. Micromech. Microeng. 24 (2014) 035017.
-    Elastomer("Sylgard 184", "PDMS", (40, 55), 45, "cast; the hotter cured, the harder"),
+    Elastomer("Sylgard 184", "PDMS", (44, 54), 45, "cast; Johnston et al. 2014"),
     # "Available in Shore 10A, 20A and 30A": Smooth-On, technical bulletin of the series.
-    Elastomer("Dragon Skin", "", (5, 35), 20, "cast silicone; Dragon Skin 10, 20, 30"),
+    Elastomer("Dragon Skin", "", (10, 30), 20, "cast; Smooth-On"),
 )
 
 #: What else they are called, in lower case.
