@@ -38,8 +38,8 @@ from ngspring.basics.checks import finite_number, nearest, refused, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import read_text
 from ngspring.problem.curves.curve import read_curve
-from ngspring.problem.laws import law_from
-from ngspring.problem.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem.laws import with_material
+from ngspring.problem.material import MATERIAL_KEYS
 from ngspring.problem.point import ControlPoint
 
 if sys.version_info >= (3, 11):
@@ -153,7 +153,7 @@ def parse_fields(
     values = load_tables(text)
     _check_keys(values, described, "", FURTHER_KEYS)
     further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
-    values.update(_material(values, further))
+    values = with_material({**values, **{k: further[k] for k in MATERIAL_KEYS if k in further}})
     weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
     if "targets" in further:
         if "control_points" in values:
@@ -173,19 +173,6 @@ def parse_fields(
         )
     points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
     return {**values, "control_points": points}
-
-
-def _material(values: Fields, further: Fields) -> Fields:
-    """The fields that describe the material: a law, or K and G, or none."""
-    if isinstance(further.get("material"), dict):
-        given = [key for key in ("K", "G", *MATERIAL_KEYS) if key in {**values, **further}]
-        if given != ["material"]:
-            raise ProblemError(
-                f"the material is described twice, by [material] and by {given[0]}: give one"
-            )
-        return {"material": law_from(further["material"])}
-    moduli = moduli_from({**values, **further})
-    return {} if moduli is None else {"K": moduli[0], "G": moduli[1]}
 
 
 def _targets_table(described: object) -> Fields:

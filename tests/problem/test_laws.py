@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ngspring import Design, SpringProblem, load_displacement, scaled
+from ngspring import (
+    Design,
+    SpringProblem,
+    load_displacement,
+    problem_from_curve,
+    read_curve,
+    scaled,
+)
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.annotated import annotated_toml
 from ngspring.problem.kinematics.base import Value
@@ -137,3 +145,15 @@ def test_what_is_no_law_is_refused() -> None:
         SpringProblem.from_toml(POINT).replace(material="rubber")
     with pytest.raises(ProblemError, match="law"):
         law_from({"law": 3})
+
+
+def test_a_problem_from_a_curve_may_have_a_law(tmp_path: Path) -> None:
+    file = tmp_path / "curve.csv"
+    file.write_text("d [mm],q [N]\n5,1\n10,2\n")
+    curve = read_curve(file, 100.0, 100.0)
+    law = NeoHooke(K=2.0, G=0.3)
+    problem = problem_from_curve(curve, 2, material=law)
+    assert problem.law == law
+    assert (problem.K, problem.G) == (2.0, 0.3)
+    with pytest.raises(ProblemError, match=r"described twice, by a law \(material\) and by nu"):
+        problem_from_curve(curve, 2, material=law, nu=0.4)

@@ -5,14 +5,44 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 from ngspring.basics.checks import nearest, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.laws.base import Law as Law
 from ngspring.problem.laws.neo_hooke import NeoHooke as NeoHooke
+from ngspring.problem.material import MATERIAL_KEYS, moduli_from
 
 #: By name, the paper's first.
 LAWS: Mapping[str, type[Law]] = MappingProxyType({law.name: law for law in (NeoHooke,)})
+
+
+def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a problem with K and G, or a law, in place of what describes the material.
+
+    Parameters
+    ----------
+    described : mapping
+        Fields, and ``E``, ``shore_A``, ``material`` and ``nu`` as for
+        `ngspring.problem.material.moduli_from`; ``material`` may also be a law or its table.
+
+    Raises
+    ------
+    ProblemError
+        If the material is described twice, or not validly.
+    """
+    fields = {key: value for key, value in described.items() if key not in MATERIAL_KEYS}
+    law = described.get("material")
+    if isinstance(law, Law | Mapping):
+        given = [key for key in ("K", "G", *MATERIAL_KEYS) if key in described]
+        if given != ["material"]:
+            raise ProblemError(
+                "the material is described twice, by a law (material) and by"
+                f" {next(key for key in given if key != 'material')}: give one"
+            )
+        return {**fields, "material": law if isinstance(law, Law) else law_from(law)}
+    moduli = moduli_from(described)
+    return fields if moduli is None else {**fields, "K": moduli[0], "G": moduli[1]}
 
 
 def law_from(described: Mapping[str, object]) -> Law:

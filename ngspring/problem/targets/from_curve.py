@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.curves.curve import TargetCurve
-from ngspring.problem.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem.laws import with_material
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import with_similar_weights
 from ngspring.problem.spring import SpringProblem
 
 #: Dilation of the robust formulation in units of the size of the domain (section 3.2).
 _DILATION = 0.25 / 100
-
-
-def with_moduli(described: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a problem with K and G in place of E, shore_A or material, and nu.
-
-    Raises
-    ------
-    ProblemError
-        See `ngspring.problem.material.moduli_from`.
-    """
-    fields = {key: value for key, value in described.items() if key not in MATERIAL_KEYS}
-    moduli = moduli_from(described)
-    if moduli is not None:
-        fields["K"], fields["G"] = moduli
-    return fields
 
 
 def problem_from_curve(
@@ -52,7 +37,8 @@ def problem_from_curve(
         Add the dilated control point of section 2.6 at the largest tension, on a mesh twice as
         fine.
     **fields
-        Of `SpringProblem`; the material also by ``E``, ``shore_A`` or ``material``, and ``nu``.
+        Of `SpringProblem`; the material also by ``E``, ``shore_A`` or ``material`` (a name or a
+        law), and ``nu``.
 
     Raises
     ------
@@ -66,7 +52,7 @@ def problem_from_curve(
     >>> problem = ngspring.problem_from_curve(curve, 3, **size, shore_A=50)  # doctest: +SKIP
     """
     chosen = curve.control_points(points, at)
-    problem = with_similar_weights(SpringProblem(chosen, **with_moduli(fields)))
+    problem = with_similar_weights(SpringProblem(chosen, **with_material(fields)))
     return _robust(problem) if robust else problem
 
 
