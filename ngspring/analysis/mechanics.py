@@ -8,14 +8,14 @@ for the discrete energy E.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import ngsolve as ng
 import numpy as np
 import scipy.sparse as sp
 
 from ngspring.analysis.newton import Step, newton
-from ngspring.analysis.path import Steps, stepped
+from ngspring.analysis.path import Steps, departure, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.constraints import displacement_extraction, stretched
@@ -34,6 +34,9 @@ from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.grey import grey_share
 from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.scaling import force_unit
+
+#: Up to this `departure` two points are taken for neighbours on a smooth path.
+_SMOOTH = 0.02
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Equilibrium:
         dq/dd in N/mm.
     iterations : int
         Newton iterations.
+    before : Equilibrium, optional
+        The point before on the same path, without what was before it.
     """
 
     d: float
@@ -62,6 +67,22 @@ class Equilibrium:
     tangent: FloatArray
     stiffness: float
     iterations: int
+    before: Equilibrium | None = None
+
+    def predicted(self, d: float) -> FloatArray:
+        """Guess of the free displacements at another d of the path.
+
+        Along the cubic through this point and the one before with their tangents; along the tangent
+        alone where there is none, or a kink between the two.
+        """
+        step, before = d - self.d, self.before
+        if before is None or departure(before, self) > _SMOOTH:
+            return self.u + step * self.tangent
+        h = self.d - before.d
+        secant = (self.u - before.u) / h
+        second = (4 * self.tangent + 2 * before.tangent - 6 * secant) / h
+        third = 6 * (self.tangent + before.tangent - 2 * secant) / h**2
+        return self.u + step * (self.tangent + step * (second / 2 + step * third / 6))
 
 
 class Mechanics:
@@ -391,6 +412,11 @@ class Mechanics:
         if not np.isfinite(force).all():
             raise ConvergenceError("the initial guess inverts an element")
         first = np.linalg.norm(force[:-1])
+        tangents: list[tuple[FloatArray, float]] = []
+
+        def direction(u: FloatArray, force: FloatArray) -> FloatArray:
+            tangents[:] = [self.assemble(d, u)]
+            return self._factorization.solve(-force[:-1])
 
         def converged(step: Step[FloatArray]) -> bool:
             force = step.after
@@ -405,12 +431,13 @@ class Mechanics:
             guess,
             force,
             evaluate=lambda u: self.forces(d, u),
-            direction=lambda u, force: self.newton_update(d, u, force)[0],
+            direction=direction,
             acceptable=lambda step: bool(np.isfinite(step.after).all()),
             converged=converged,
             max_iterations=self.MAX_ITERATIONS,
         )
-        column, corner = self.assemble(d, u)
+        # The last tangent is that of a state closer than can be told: it serves once more.
+        column, corner = tangents[-1]
         u = u - self.solve_linear(force[:-1])
         q = float(self.forces(d, u)[-1])
         tangent = -self.solve_linear(column)
@@ -426,7 +453,11 @@ class Mechanics:
     def advanced(self, here: Equilibrium, target: float, tried: float) -> tuple[Equilibrium, float]:
         """The equilibrium ``tried`` mm on towards a target, see `ngspring.analysis.path`."""
         d = stepped(here.d, target, tried)
-        return self.equilibrium(d, here.u + (d - here.d) * here.tangent), tried
+        guess = here.predicted(d)
+        if not np.isfinite(self.forces(d, guess)).all():
+            guess = here.u + (d - here.d) * here.tangent
+        there = self.equilibrium(d, guess)
+        return replace(there, before=replace(here, before=None)), tried
 
     def settled(self, here: Equilibrium, target: float, tried: float) -> Equilibrium:
         """Where the spring jumps if the branch ends here, see `settle`."""

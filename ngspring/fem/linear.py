@@ -8,6 +8,8 @@ matrix is handed over in quasi-definite form (`ngspring.kkt.system`), which need
 
 from __future__ import annotations
 
+import contextlib
+import importlib.metadata
 import importlib.util
 import os
 import sys
@@ -93,6 +95,19 @@ class SparseCholesky:
         return None
 
 
+def _point_to_mkl() -> None:
+    """Tell pypardiso where MKL is: each of its solvers would search the whole environment for it.
+
+    As pip has noted it; where it has not (conda), pypardiso searches. An own choice stays.
+    """
+    if "PYPARDISO_MKL_RT" in os.environ:
+        return
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        for file in importlib.metadata.files("mkl") or ():
+            if file.name.startswith(("libmkl_rt", "mkl_rt")) and file.suffix != ".lib":
+                os.environ["PYPARDISO_MKL_RT"] = str(file.locate())
+
+
 class Pardiso:
     """MKL PARDISO, symmetric indefinite (mtype -2), through pypardiso; reads the upper triangle."""
 
@@ -100,6 +115,7 @@ class Pardiso:
         # MKL's idle threads would spin for 200 ms after every call, and take the cores from
         # NGSolve's. Read by its OpenMP when that starts, which is at the first call.
         os.environ.setdefault("KMP_BLOCKTIME", "0")
+        _point_to_mkl()
         from pypardiso import PyPardisoSolver
 
         self._solver = PyPardisoSolver(mtype=-2)
@@ -113,7 +129,6 @@ class Pardiso:
     def set_pattern(self, triangle: sp.csr_matrix) -> None:
         """See `Factorization`."""
         if hasattr(self, "matrix"):
-            # A new solver object would search the file system for MKL again.
             self._solver.free_memory(everything=True)
         self.matrix = triangle
         self._analysed = False

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from support.coupled import Flat
 from support.designs import rough_coefficients
 
@@ -17,6 +18,7 @@ import ngspring
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
+from ngspring.fem.linear import make_factorization
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.system import CoupledSystem, LinearSolveError, State
 from ngspring.problem.point import ControlPoint
@@ -245,3 +247,15 @@ def test_idle_threads_of_pardiso_do_not_spin_unless_asked_to(
         cwd=Path(ngspring.__file__).parents[1],
     )
     assert done.stdout == f"[{blocktime}]\n"
+
+
+@needs_pardiso
+def test_pardiso_is_not_searched_for_in_the_whole_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def walk(*args: object, **options: object) -> list[str]:
+        raise AssertionError("the environment is searched")
+
+    monkeypatch.delenv("PYPARDISO_MKL_RT", raising=False)
+    monkeypatch.setattr("glob.glob", walk)
+    make_factorization(sp.csr_matrix(np.eye(3)), "pardiso").factorize()
