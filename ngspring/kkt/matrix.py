@@ -57,6 +57,7 @@ class BlockMaps:
         points: int,
         upper: bool,
     ) -> None:
+        self._lam_unit = form.lam_unit
         chi, u = extraction_chi, extraction_u
         n = chi.shape[0]
         free = u.shape[1] - 1
@@ -203,7 +204,7 @@ class BlockMaps:
         ----------
         name : str
             "chi_chi"; or, of control point j, a row and a column out of a, b (``u = a + b``,
-            ``lam = s (a - b)``) and top (``lam_Ty``): "a_chi", "b_chi", "a_a", "b_a", "b_b",
+            ``lam = s (a - b)``) and top (``lam_Ty / r``): "a_chi", "b_chi", "a_a", "b_a", "b_b",
             "top_chi", "top_a", "top_b", "top_top". What is symmetric is its lower triangle.
         values : array
             In the order of the piece's pattern.
@@ -212,7 +213,12 @@ class BlockMaps:
         self.triangle.data[self._place[name, j]] = values
 
     def write_control_point(
-        self, j: int, stored: FloatArray, void: VoidBlocks, weight: float, t: float, s: float
+        self,
+        j: int,
+        stored: FloatArray,
+        void: VoidBlocks,
+        weight: float,
+        scales: tuple[float, float, float],
     ) -> FloatArray:
         """Write the blocks of a control point, in the unknowns a and b.
 
@@ -224,17 +230,18 @@ class BlockMaps:
         void : VoidBlocks
         weight : float
             w of the control point.
-        t, s : float
-            Scales of chi and of lam.
+        scales : tuple of float
+            t, s and r, of chi, of lam and of lam_Ty.
 
         Returns
         -------
         array
             Its part of the chi-chi block, not scaled.
         """
+        t, s, r = scales
         # One after the other, so that little is held at a time.
         chi_u, chi_lam = self.block("chi_u", stored, void), self.block("chi_lam", stored, void)
-        self.write("top_chi", t * chi_lam[self.chi_top], j)
+        self.write("top_chi", (r * t) * chi_lam[self.chi_top], j)
         chi_u *= t
         chi_lam = (t * s) * chi_lam[self.chi_inner]
         self.write("a_chi", chi_u + chi_lam, j)
@@ -246,9 +253,9 @@ class BlockMaps:
         self.write("a_a", bb_lower + kk_lower, j)
         self.write("b_a", bb, j)
         self.write("b_b", bb_lower - kk_lower, j)
-        self.write("top_a", kk[self.top], j)
-        self.write("top_b", kk[self.top], j)
-        self.write("top_top", np.array([-1.0 / weight]), j)
+        self.write("top_a", r * kk[self.top], j)
+        self.write("top_b", r * kk[self.top], j)
+        self.write("top_top", np.array([-(r**2) / weight]), j)
         return self.block("chi_chi", stored, void)
 
     def diagonal(self) -> FloatArray:
@@ -274,6 +281,8 @@ class BlockMaps:
             b = self._maps["u_lam"] @ values[self._entries["u_u"]]
             return np.asarray(b[self.inner])
         stored = values[self._entries[name]]
+        if name.endswith("_lam"):
+            stored /= self._lam_unit
         if name == "u_lam":
             stiffness = void.stiffness.ravel()
             element = np.concatenate([stiffness, stiffness])

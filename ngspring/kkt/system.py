@@ -24,7 +24,7 @@ from ngspring.kkt.matrix import BlockMaps
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Term
-from ngspring.problem.scaling import force_unit, length_unit
+from ngspring.problem.scaling import adjoint_unit, force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 
 
@@ -142,6 +142,7 @@ class CoupledSystem:
         # What makes s the same in all units: u is a length, lam an inverse force.
         self._length_unit = length_unit(problem)
         self._lam_unit = 1 / force_unit(problem)
+        self._top_unit = adjoint_unit(problem)
         self._maps: BlockMaps | None = None
         self._factorization: Factorization | None = None
 
@@ -247,12 +248,15 @@ class CoupledSystem:
         chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
         # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
         diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
-        t = self._chi_unit = float(1 / np.sqrt(diagonal)) if 0 < diagonal < np.inf else 1.0
+        known = 0 < diagonal < np.inf
+        t = float(1 / np.sqrt(diagonal)) / self._length_unit if known else 1.0
+        self._chi_unit = t
+        scales = t, s, self._top_unit
         for j, point in enumerate(self.points):
             vector = self.control_point_vector(state, j)
             stored, void = self.control_point.tangent(vector, point.eta)
             start = self.timings.add("assembly", start)
-            chi_chi += maps.write_control_point(j, stored, void, point.weight, t, s)
+            chi_chi += maps.write_control_point(j, stored, void, point.weight, scales)
             start = self.timings.add("reduction", start)
         maps.write("chi_chi", t**2 * chi_chi)
         if not np.isfinite(maps.triangle.data).all():
@@ -307,7 +311,7 @@ class CoupledSystem:
         s = self._scale
         parts = [self._chi_unit * residual.chi]
         for u, lam in zip(residual.u, residual.lam, strict=True):
-            parts += [u + s * lam[:-1], u - s * lam[:-1], lam[-1:]]
+            parts += [u + s * lam[:-1], u - s * lam[:-1], self._top_unit * lam[-1:]]
         return np.concatenate(parts)
 
     def _blocks(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -319,11 +323,12 @@ class CoupledSystem:
 
     def _unpack(self, x: FloatArray) -> State:
         chi, u, difference, top = self._blocks(x)
-        return State(self._chi_unit * chi, u, np.hstack([self._scale * difference, top]))
+        lam = np.hstack([self._scale * difference, self._top_unit * top])
+        return State(self._chi_unit * chi, u, lam)
 
     def _unpack_residual(self, x: FloatArray) -> Residual:
         chi, u, difference, top = self._blocks(x)
-        lam = np.hstack([difference / (2 * self._scale), top])
+        lam = np.hstack([difference / (2 * self._scale), top / self._top_unit])
         return Residual(chi / self._chi_unit, u / 2, lam, {})
 
     def _block_norms(self, packed: FloatArray) -> FloatArray:
@@ -341,7 +346,7 @@ class CoupledSystem:
         s = self._scale
         parts = [update.chi / self._chi_unit]
         for u, lam in zip(update.u, update.lam, strict=True):
-            parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:]]
+            parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:] / self._top_unit]
         return self._unpack_residual(self._multiply(np.concatenate(parts)))
 
     def solve(self, residual: Residual) -> State:

@@ -36,6 +36,7 @@ from ngspring.physics.void import (
     VoidRegularisation,
     dx,
 )
+from ngspring.problem.scaling import adjoint_unit
 from ngspring.problem.spring import SpringProblem
 
 
@@ -87,7 +88,10 @@ class ControlPointForm:
         self.space = ng.FESpace([scalar.space, displacement, displacement])
         self._eta = ng.Parameter(0.0)
         chi, u, lam = self.space.TrialFunction()
-        density = internal_virtual_work(chi + self._eta, u, lam, problem)
+        #: lam of the form's own vectors is in this unit: NGSolve takes mixed second derivatives by
+        #: polarisation, and with lam far from the size of u nothing would remain of them.
+        self.lam_unit = adjoint_unit(problem)
+        density = self.lam_unit * internal_virtual_work(chi + self._eta, u, lam, problem)
         self.form = ng.BilinearForm(self.space, symmetric=True)
         self.form += ng.Variation(density.Compile() * dx())
         self.void = VoidRegularisation(scalar)
@@ -103,7 +107,9 @@ class ControlPointForm:
 
     def _load(self, vector: FloatArray, eta: float) -> FloatArray:
         self._eta.Set(eta)
-        self._state.vec.FV().NumPy()[:] = vector
+        own = self._state.vec.FV().NumPy()
+        own[:] = vector
+        own[3 * self.ndof :] /= self.lam_unit
         return self.void.chi_at_points(vector[: self.ndof]) + eta
 
     def residual(self, vector: FloatArray, eta: float) -> FloatArray:
@@ -113,10 +119,15 @@ class ControlPointForm:
             self.form.Apply(self._state.vec, self._result)
         n = self.ndof
         void = self.void.residual(at_points, vector[n : 3 * n], vector[3 * n :])
-        return np.asarray(self._result.FV().NumPy() + np.concatenate(void))
+        result = np.array(self._result.FV().NumPy())
+        result[3 * n :] /= self.lam_unit
+        return np.asarray(result + np.concatenate(void))
 
     def tangent(self, vector: FloatArray, eta: float) -> tuple[FloatArray, VoidBlocks]:
-        """Second derivative: values on the form's pattern, and the void's blocks."""
+        """Second derivative: values on the form's pattern, and the void's blocks.
+
+        The values are by lam in units of `lam_unit`, the void's blocks by lam in N^-1.
+        """
         at_points = self._load(vector, eta)
         with tasks():
             self.form.AssembleLinearization(self._state.vec)

@@ -45,6 +45,14 @@ def force_unit(problem: SpringProblem) -> float:
     return young_and_poisson(problem.K, problem.G)[0] * problem.top_area / 100
 
 
+def adjoint_unit(problem: SpringProblem) -> float:
+    """The adjoint displacements lam in N^-1 that are 1 mm, in these units: 1 N^-1 for the paper's.
+
+    In this unit lam and u are of one size, and so are the second derivatives of the Lagrangian.
+    """
+    return 1 / (force_unit(problem) * length_unit(problem))
+
+
 def scaled(
     problem: SpringProblem,
     *,
