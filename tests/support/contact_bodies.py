@@ -103,7 +103,7 @@ def mechanics_of(
     problem = spring()
     solid = Solid(mesh, lambda u, grad_u: strain_energy(u, grad_u, problem), matrix)
     contact = Contact(free_surface(mesh, "surface"), planes, law, lambda x: np.ones(len(x)))
-    return ContactMechanics(solid, contact, Skeleton(mesh, "surface"), size)
+    return ContactMechanics(solid, contact, Skeleton(mesh, "surface"), size, force=1.0)
 
 
 def two_blocks(gap: float = 0.05, sizes: tuple[float, float] = (1.3, 0.9)) -> Any:

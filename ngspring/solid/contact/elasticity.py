@@ -81,8 +81,8 @@ class Solid:
         unknowns and, as the last column, the prescribed displacement d.
     floating : int array
         Free unknowns, one for each part of the solid that no constraint keeps from moving as a
-        whole. In the linear systems, and only there, each is held by a spring: the forces of such
-        a part are in balance, so the spring's force is zero and equilibrium is not touched.
+        whole. In the linear systems, and only there, each is held by a soft spring: the forces of
+        such a part are in balance, so the spring's force is zero and equilibrium is not touched.
     stretch_33 : callable, optional
         Stretch out of the plane from u; 1 by default.
     """

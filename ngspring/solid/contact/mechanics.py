@@ -37,6 +37,9 @@ _SOFTER = (400.0, 20.0)
 _DEEP = 4.0
 _ROUGH = 1e-4
 _PREDICTIONS = 8
+#: Stiffness of the spring that holds a floating part in the linear systems, as a share of the
+#: diagonal: far below that of a contact that begins, which alone may hold the part.
+_HOLD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,8 @@ class ContactMechanics:
     skeleton : Skeleton
     size : float
         Length in mm against which updates are judged.
+    force : float
+        Force in N, a thousandth of which is taken for small.
     solver, threads
         See `ngspring.fem.linear.make_factorization`.
     """
@@ -119,11 +124,13 @@ class ContactMechanics:
         contact: Contact,
         skeleton: Skeleton,
         size: float,
+        force: float,
         solver: str = "auto",
         threads: int = 1,
     ) -> None:
         self.solid, self.contact, self.skeleton = solid, contact, skeleton
         self.size = size
+        self._small = 1e-3 * force
         contact.leave_out_held(solid.matrix)
         self._solver, self._threads = solver, threads
         self._rounding = 1e-16 * float(solid.diagonal_at_rest.max(initial=0.0)) * size**2
@@ -161,7 +168,8 @@ class ContactMechanics:
     def _factorize(self, matrix: sp.csr_matrix, shift: float) -> int:
         """Factorise; returns how many eigenvalues are negative (0 if not known)."""
         extra = shift * self.solid.diagonal_at_rest
-        extra[self.solid.floating] += self.solid.diagonal_at_rest[self.solid.floating]
+        floating = self.solid.floating
+        extra[floating] += _HOLD * self.solid.diagonal_at_rest[floating]
         matrix = matrix + sp.diags_array(extra)
         triangle = sp.triu(matrix) if wants_upper(self._solver) else sp.tril(matrix)
         triangle = sp.csr_matrix(triangle)
@@ -255,7 +263,7 @@ class ContactMechanics:
             force = step.after.force
             norm = float(np.linalg.norm(force[:-1]))
             small = step.length == 1.0 and step.size <= 100 * accuracy * self.size
-            return small and shift[0] == 0.0 and norm <= accuracy * (1e-3 + abs(force[-1]))
+            return small and shift[0] == 0.0 and norm <= accuracy * (self._small + abs(force[-1]))
 
         try:
             u, _, iterations = newton(

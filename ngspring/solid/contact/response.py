@@ -16,6 +16,7 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.fem.process import parallel
 from ngspring.physics.elasticity import F_33
+from ngspring.problem.scaling import force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, section_force, side_force, spring_density
@@ -189,8 +190,10 @@ def contact_mechanics(
         measure,
         settings.points,
     )
-    skeleton = Skeleton(body.mesh, SURFACE)
-    mechanics = ContactMechanics(solid, contact, skeleton, problem.H, settings.solver, threads)
+    skeleton = Skeleton(body.mesh, SURFACE, length_unit(problem))
+    mechanics = ContactMechanics(
+        solid, contact, skeleton, problem.H, force_unit(problem), settings.solver, threads
+    )
     return mechanics, supports
 
 

@@ -34,6 +34,8 @@ class Skeleton:
         Second-order triangles.
     name : str
         Name of the surface's boundary pieces.
+    unit : float
+        Length in mm in which the IPC Toolkit, whose tolerances are absolute, sees the points.
 
     Raises
     ------
@@ -41,7 +43,7 @@ class Skeleton:
         If ipctk is not installed, or the polygons intersect at rest.
     """
 
-    def __init__(self, mesh: Any, name: str) -> None:
+    def __init__(self, mesh: Any, name: str, unit: float = 1.0) -> None:
         try:
             import ipctk
         except ImportError:
@@ -49,7 +51,8 @@ class Skeleton:
                 "contact analysis needs the IPC Toolkit: pip install ipctk"
             ) from None
         self._ipctk = ipctk
-        self.matrix, self.rest, ends = _inner_points(mesh, name)
+        matrix, rest, ends = _inner_points(mesh, name)
+        self.matrix, self.rest = matrix / unit, rest / unit
         count = len(_ALONG)
         first = count * np.arange(len(ends))
         inside = [np.stack([first + k, first + k + 1], axis=1) for k in range(count - 1)]
@@ -63,7 +66,7 @@ class Skeleton:
             )
 
     def positions(self, full: FloatArray) -> FloatArray:
-        """Deformed points (points, 2) from the dofs of the VectorH1 space."""
+        """Deformed points (points, 2) in units from the dofs of the VectorH1 space."""
         n = self.matrix.shape[1]
         moved = np.stack([self.matrix @ full[:n], self.matrix @ full[n:]], axis=1)
         return np.asfortranarray(self.rest + moved)
