@@ -1,9 +1,9 @@
 """What manufacturing errors do to the curve: surfaces moved in and out (3.5, named as open).
 
 The surface moves with the level of chi. With the slope 8 / l_i, which the formulation allows at an
-interface (Eq. 11), the contour chi = -8 o / l_i lies o mm further out. Actual slopes are a little
-smaller and vary along the contour, so the level is chosen such that the surface moves by o on
-average: the area gained is o times the length of the surface.
+interface (Eq. 11), the contour chi = -8 o / l_i lies o mm further out. Actual slopes are smaller
+and vary along the contour, so the level is chosen such that the surface moves by o on average: the
+area gained is o times the length of the surface.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ngspring.analysis.states import curve_displacements, force_at
 from ngspring.basics.arrays import FloatArray
@@ -27,12 +28,16 @@ from ngspring.solid.contact.response import (
     contact_load_displacement,
 )
 from ngspring.solid.mesh.mesh_body import mesh_body
+from ngspring.solid.outline.contour import solid_area
+from ngspring.solid.outline.levelset import level_set
 from ngspring.solid.outline.outline import Outline, outline
 from ngspring.solid.sides import SURFACE
 
 OFFSETS = (0.1, 0.25, 0.5)
-#: Relative accuracy of the mean offset, and steps at most to find the level for it.
-_ACCURACY, _STEPS = 1e-3, 8
+#: Relative accuracy of the mean offset.
+_ACCURACY = 1e-3
+#: How often the first guess of a level is taken so much further, at most.
+_WIDENINGS, _FURTHER = 12, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +107,7 @@ class Tolerance:
 
         NaN where a curve within it does not reach.
         """
-        inside = [curve for curve in self.curves if abs(curve.offset) <= size + 1e-12]
+        inside = [curve for curve in self.curves if abs(curve.offset) <= size * (1 + 1e-12)]
         q = np.array([[curve.q(float(d)) for d in self.displacements] for curve in inside])
         return q.min(axis=0), q.max(axis=0)
 
@@ -208,24 +213,38 @@ def offset_level(design: Design, offset: float, nominal: Outline | None = None) 
     Raises
     ------
     OutlineError
-        If the design, or the solid with its surface moved, has no clear outline.
+        If the design has no clear outline, or no level of its chi moves the surface so far.
     """
     if offset == 0.0:
         return 0.0
     nominal = outline(design) if nominal is None else nominal
-    length, area = _surface_length(nominal), nominal.area
-    level = -8 * offset / design.problem.l_i
-    # Secant through level 0, where the surface has not moved: nearly linear, a few steps do.
-    for _ in range(_STEPS):
-        moved = (outline(design, level=level).area - area) / length
-        if abs(moved - offset) <= _ACCURACY * abs(offset):
+    length, distance = _surface(nominal)
+    area = solid_area(nominal.level_set)
+
+    def beyond(level: float) -> float:
+        moved = (solid_area(level_set(design, level=level)) - area) / length
+        return moved / offset - 1
+
+    far = -offset / distance
+    for _ in range(_WIDENINGS):
+        if beyond(far) >= 0:
             break
-        level *= offset / moved
+        far *= _FURTHER
+    else:
+        raise OutlineError(f"no level of chi moves the surface by {offset:g} mm")
+    level = float(brentq(beyond, 0.0, far, xtol=1e-6 * _ACCURACY * abs(far)))
+    if abs(beyond(level)) > _ACCURACY:
+        raise OutlineError(f"the level of chi that moves the surface by {offset:g} mm is not clear")
     return level
 
 
-def _surface_length(solid: Outline) -> float:
-    pieces = (piece for loop in solid.loops for piece in loop.pieces if piece.name == SURFACE)
-    return sum(
-        float(np.linalg.norm(np.diff(piece.points, axis=0), axis=1).sum()) for piece in pieces
-    )
+def _surface(solid: Outline) -> tuple[float, float]:
+    """Length in mm, and by how many mm it moves on average where the level falls by one."""
+    ls = solid.level_set
+    lengths, distances = [], []
+    for piece in (piece for loop in solid.loops for piece in loop.pieces if piece.name == SURFACE):
+        chord = np.linalg.norm(np.diff(piece.points, axis=0), axis=1)
+        middle = (piece.points[1:] + piece.points[:-1]) / 2
+        lengths.append(chord.sum())
+        distances.append((chord / np.hypot(*ls.gradient(*middle.T))).sum())
+    return float(sum(lengths)), float(sum(distances) / sum(lengths))
