@@ -63,9 +63,13 @@ def curve_displacements(
     targets = [point.d for point in design.problem.control_points]
     first = min(0.0, *targets) if low is None else low
     last = max(0.0, *targets) if high is None else high
-    # Rounded, so that 0 and the control points are hit exactly; to 1e-9 mm if H = 100 mm.
+    # Rounded to 1e-9 mm if H = 100 mm; and 0 and the control points are hit exactly.
     decimals = 11 - math.floor(math.log10(design.problem.H))
-    return np.asarray(np.round(np.linspace(first, last, points), decimals))
+    values = np.round(np.linspace(first, last, points), decimals)
+    exact = np.array([0.0, *targets])
+    nearest = exact[np.abs(values[:, None] - exact).argmin(axis=1)]
+    same = np.abs(values - nearest) <= 1e-11 * design.problem.H
+    return np.asarray(np.where(same, nearest, values))
 
 
 class Curve(Protocol):
