@@ -21,6 +21,7 @@ from ngspring.design.design import Design
 from ngspring.design.soundness import flaw
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since, last_checkpoint
+from ngspring.problem.scaling import force_unit
 
 RUNNING, STALE, CONVERGED = "running", "stale", "converged"
 STOPPED, FAILED = "stopped", "failed"
@@ -233,7 +234,7 @@ def _fits(curve: Curve, design: Design) -> bool:
     forces, points = forces_of(design), design.problem.control_points
     if forces is None:
         return False
-    size = max(max(map(abs, forces)), 1e-12)
+    size = max(max(map(abs, forces)), 1e-12 * force_unit(design.problem))
     found = [
         abs(float(curve.q[index]) - force) / size
         for force, point in zip(forces, points, strict=True)

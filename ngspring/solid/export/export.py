@@ -14,17 +14,19 @@ from typing import Any
 
 import meshio
 import numpy as np
+import shapely
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import nearest, shown
 from ngspring.basics.errors import ExportError, ProblemError
 from ngspring.basics.files import PathLike, replacing
 from ngspring.design.design import Design
+from ngspring.problem.scaling import length_unit
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.export.solids import write_step, write_stl
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.solid.mesh.triangles import NAMES
-from ngspring.solid.outline.levelset import ChiFunction
+from ngspring.solid.outline.levelset import ChiFunction, owner
 from ngspring.solid.outline.outline import Outline, outline
 from ngspring.solid.outline.smooth import enclosed, smooth_loops
 
@@ -64,8 +66,9 @@ def export_body(
     problem: SpringProblem | None = None,
     level: float = 0.0,
     tolerance: float | None = None,
+    polylines: bool = False,
     smallest_island: float | None = None,
-    smallest_void: float = 1e-3,
+    smallest_void: float | None = None,
     **mesh_options: Any,
 ) -> Exported:
     """Write the solid {chi > level} of a design as a drawing, a solid, a surface or a mesh.
@@ -78,16 +81,18 @@ def export_body(
         Written atomically.
     format : {"svg", "dxf", "step", "stl", "vtu", "msh"}, optional
         By default what the suffix of the path says. svg: filled cubic Bezier paths. dxf: SPLINE
-        and LINE entities, one layer per part (needs ``pip install 'ngspring[export]'``). step:
-        one solid, or a compound of them, with smooth faces. stl: watertight triangles. vtu, msh:
-        the second-order mesh of `mesh_body`.
+        and LINE, or LWPOLYLINE entities, one layer per part (needs
+        ``pip install 'ngspring[export]'``). step: one solid, or a compound of them, with smooth
+        faces. stl: watertight triangles. vtu, msh: the second-order mesh of `mesh_body`.
     problem : SpringProblem, optional
         Needed for a function.
     level : float
         ``-8 o / l_i`` moves the surface of a finished design outwards by o mm.
     tolerance : float, optional
         Largest distance in mm of the written curve or surface from the contour of chi; by default
-        1e-3, for stl 1e-2.
+        1e-5 of sqrt(L H), for stl 1e-4.
+    polylines : bool
+        Whether a dxf file holds closed polylines instead of splines and lines.
     smallest_island, smallest_void
         See `ngspring.solid.outline.outline.outline`.
     **mesh_options
@@ -114,31 +119,32 @@ def export_body(
             f"{shown(chosen or str(path))} is not a format of export:"
             f" use one of {', '.join(FORMATS)}{hint}"
         )
+    problem = owner(design, problem)
     if tolerance is None:
-        tolerance = 1e-2 if chosen == "stl" else 1e-3
+        tolerance = (1e-2 if chosen == "stl" else 1e-3) * length_unit(problem)
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ProblemError(f"tolerance = {shown(tolerance)} must be a positive length in mm")
+    if polylines and chosen != "dxf":
+        raise ExportError("polylines is an option of the format dxf")
     if mesh_options and chosen not in ("vtu", "msh"):
         raise ExportError(f"{next(iter(mesh_options))} is an option of the formats vtu and msh")
-    if problem is None and isinstance(design, Design):
-        problem = design.problem
     small: dict[str, Any] = {"smallest_island": smallest_island, "smallest_void": smallest_void}
     if chosen in ("vtu", "msh"):
         return _write_mesh(design, path, chosen, problem, level, small | mesh_options)
-    if chosen == "stl":
-        spacing = min(problem.L, problem.H) / 100 if problem is not None else 1.0
+    if chosen == "stl" or polylines:
+        spacing = min(problem.L, problem.H) / 100
         angle = 8 * tolerance / spacing
     else:
-        spacing = min(problem.L, problem.H) / 25 if problem is not None else 1.0
+        spacing = min(problem.L, problem.H) / 25
         angle = _FIRST_ANGLE
-    if problem is not None and chosen in ("svg", "dxf"):
+    if chosen in ("svg", "dxf"):
         design, problem = _SECTIONS[problem.motion.sweep](design, problem)
     edges = outline(
         design, problem, level=level, domain="full", spacing=spacing, angle=angle, **small
     )
     if len(edges.parts) > 1:
         logger.info("%s: the spring consists of %d separate parts", path, len(edges.parts))
-    return _WRITERS[chosen](edges, path, tolerance)
+    return (_write_polylines if polylines else _WRITERS[chosen])(edges, path, tolerance)
 
 
 def _as_drawn(
@@ -197,18 +203,12 @@ def _write_svg(edges: Outline, path: Path, tolerance: float) -> Exported:
 
 
 def _write_dxf(edges: Outline, path: Path, tolerance: float) -> Exported:
-    try:
-        from ezdxf import units
-        from ezdxf.document import Drawing
-    except ImportError:
-        raise ExportError("the format dxf needs ezdxf: pip install 'ngspring[export]'") from None
+    """Splines and lines."""
     parts = smooth_loops(edges, tolerance)
-    document = Drawing.new("R2010")
-    document.units = units.MM
+    document = _drawing(edges)
     space = document.modelspace()
     for k, part in enumerate(parts, 1):
         layer = f"PART{k}"
-        document.layers.add(layer)
         for piece in (piece for loop in part for piece in loop):
             if piece.spline is None:
                 a, b = piece.points.tolist()
@@ -226,11 +226,46 @@ def _write_dxf(edges: Outline, path: Path, tolerance: float) -> Exported:
     return Exported(path, "dxf", len(parts), enclosed(parts))
 
 
+def _write_polylines(edges: Outline, path: Path, tolerance: float) -> Exported:
+    """A closed polyline for each loop."""
+    parts = [
+        [np.vstack([piece.points[:-1] for piece in loop]) for loop in part]
+        for part in smooth_loops(edges, tolerance, degree=1)
+    ]
+    document = _drawing(edges)
+    for k, part in enumerate(parts, 1):
+        for loop in part:
+            document.modelspace().add_lwpolyline(
+                loop.tolist(), close=True, dxfattribs={"layer": f"PART{k}"}
+            )
+    with replacing(path) as temporary:
+        document.saveas(temporary)
+    area = sum(shapely.Polygon(outer, voids).area for outer, *voids in parts)
+    return Exported(path, "dxf", len(parts), area)
+
+
+def _drawing(edges: Outline) -> Any:
+    """An empty drawing of ezdxf in mm with its extent and a layer for each part."""
+    try:
+        from ezdxf import units
+        from ezdxf.document import Drawing
+    except ImportError:
+        raise ExportError("the format dxf needs ezdxf: pip install 'ngspring[export]'") from None
+    document = Drawing.new("R2010")
+    document.units = units.MM
+    points = np.vstack([loop.polygon for loop in edges.loops])
+    for name, corner in (("MIN", points.min(axis=0)), ("MAX", points.max(axis=0))):
+        document.header[f"$EXT{name}"] = (*corner.tolist(), 0.0)
+    for k in range(1, len(edges.parts) + 1):
+        document.layers.add(f"PART{k}")
+    return document
+
+
 def _write_mesh(
     design: Design | ChiFunction,
     path: Path,
     format: str,
-    problem: SpringProblem | None,
+    problem: SpringProblem,
     level: float,
     options: dict[str, Any],
 ) -> Exported:

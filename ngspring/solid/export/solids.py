@@ -44,35 +44,36 @@ def write_step(outline: Outline, path: Path, tolerance: float) -> tuple[int, flo
 
 
 def solid_shape(outline: Outline, parts: list[list[list[SmoothPiece]]]) -> Any:
-    """The solid, or a compound of solids, as a shape of netgen.occ."""
-    problem = outline.level_set.problem
+    """The solid, or a compound of solids, as a shape of netgen.occ in mm."""
+    problem, unit = outline.level_set.problem, outline.level_set.unit
     solids = []
     for part in parts:
-        face = _face(part[0])
+        # Open CASCADE's tolerances are absolute: it makes the solid in units.
+        face = _face(part[0], unit)
         for void in part[1:]:
-            face = face - _face(void)
-        made = _SWEEPS[problem.motion.sweep].solid(face, problem)
+            face = face - _face(void, unit)
+        made = _SWEEPS[problem.motion.sweep].solid(face, problem, unit)
         found = list(made.solids)
         if len(found) != 1 or not found[0].mass > 0:
             raise ExportError(
                 f"Open CASCADE made {len(found)} solids of one part of the outline instead of one"
             )
-        solids.append(found[0])
+        solids.append(found[0].Scale(occ.Pnt(0, 0, 0), unit))
     return solids[0] if len(solids) == 1 else occ.Compound(solids)
 
 
-def _face(loop: list[SmoothPiece]) -> Any:
-    return occ.Face(occ.Wire([edge for piece in loop for edge in _edges(piece)]))
+def _face(loop: list[SmoothPiece], unit: float) -> Any:
+    return occ.Face(occ.Wire([edge for piece in loop for edge in _edges(piece, unit)]))
 
 
-def _edges(piece: SmoothPiece) -> list[Any]:
+def _edges(piece: SmoothPiece, unit: float) -> list[Any]:
     """Edges of Open CASCADE; a spline becomes several that continue each other smoothly.
 
     Open CASCADE, and programs built on it, integrate over an extruded or revolved face with nine
     Gauss points whatever its length: the volume of a solid with one long wavy face comes out
     several per cent wrong.
     """
-    points = [occ.Pnt(x, y, 0) for x, y in piece.points.tolist()]
+    points = [occ.Pnt(x, y, 0) for x, y in (piece.points / unit).tolist()]
     if piece.spline is None:
         return [occ.Segment(*points)]
     slopes = piece.spline(piece.parameters, 1).tolist()
@@ -98,19 +99,21 @@ def write_stl(outline: Outline, path: Path, tolerance: float) -> tuple[int, floa
     ExportError
         If the surface is not watertight.
     """
-    sweep = _SWEEPS[outline.level_set.problem.motion.sweep]
-    problem = outline.level_set.problem
+    problem, unit = outline.level_set.problem, outline.level_set.unit
+    sweep = _SWEEPS[problem.motion.sweep]
+    # trimesh's tolerances are absolute: it makes the surface in units.
     surface = trimesh.util.concatenate(
-        [sweep.triangles(part, problem, tolerance) for part in outline.parts]
+        [sweep.triangles(part, problem, tolerance, unit) for part in outline.parts]
     )
-    volume = watertight_volume(surface)
+    volume = watertight_volume(surface) * unit**3
+    surface.apply_scale(unit)
     with replacing(path) as temporary:
         temporary.write_bytes(trimesh.exchange.stl.export_stl(surface))
     return len(outline.parts), volume
 
 
 def watertight_volume(surface: trimesh.Trimesh) -> float:
-    """Volume in mm^3 inside a closed surface of triangles that are oriented outwards.
+    """Volume inside a closed surface of triangles that are oriented outwards.
 
     Raises
     ------
@@ -123,9 +126,7 @@ def watertight_volume(surface: trimesh.Trimesh) -> float:
     if not (surface.area_faces > 0).all():
         raise ExportError("the surface has a triangle without area")
     if not surface.volume > 0:
-        raise ExportError(
-            f"the surface encloses a volume of {surface.volume:g} mm^3: it is inside out"
-        )
+        raise ExportError("the surface is inside out")
     return float(surface.volume)
 
 
@@ -134,19 +135,24 @@ def watertight_volume(surface: trimesh.Trimesh) -> float:
 
 @dataclass(frozen=True)
 class _Sweep:
-    """What `Kinematics.sweep` names: a solid, its volume, and its surface of triangles."""
+    """What `Kinematics.sweep` names: a solid, its volume in mm^3, and its surface of triangles.
 
-    solid: Callable[[Any, SpringProblem], Any]
+    Solid and surface are in the given units of length.
+    """
+
+    solid: Callable[[Any, SpringProblem, float], Any]
     volume: Callable[[list[list[list[SmoothPiece]]], SpringProblem], float]
-    triangles: Callable[[Part, SpringProblem, float], trimesh.Trimesh]
+    triangles: Callable[[Part, SpringProblem, float, float], trimesh.Trimesh]
 
 
-def _extruded(part: Part, problem: SpringProblem, tolerance: float) -> trimesh.Trimesh:
-    polygon = shapely.Polygon(part.outer.polygon, [loop.polygon for loop in part.voids])
-    return trimesh.creation.extrude_polygon(polygon, problem.T, engine="earcut")
+def _extruded(part: Part, problem: SpringProblem, tolerance: float, unit: float) -> trimesh.Trimesh:
+    polygon = shapely.Polygon(
+        part.outer.polygon / unit, [loop.polygon / unit for loop in part.voids]
+    )
+    return trimesh.creation.extrude_polygon(polygon, problem.T / unit, engine="earcut")
 
 
-def _revolved(part: Part, problem: SpringProblem, tolerance: float) -> trimesh.Trimesh:
+def _revolved(part: Part, problem: SpringProblem, tolerance: float, unit: float) -> trimesh.Trimesh:
     """The polygon revolved about the line x = L/2, on whose left it lies."""
     axis = problem.L / 2
     radius = axis - min(loop.polygon[:, 0].min() for loop in part.loops)
@@ -155,22 +161,24 @@ def _revolved(part: Part, problem: SpringProblem, tolerance: float) -> trimesh.T
     for loop in part.loops:
         closed = np.vstack([loop.polygon, loop.polygon[:1]])[::-1]
         section = np.column_stack([np.maximum(axis - closed[:, 0], 0.0), closed[:, 1]])
-        surfaces.append(trimesh.creation.revolve(section, sections=steps))
+        surfaces.append(trimesh.creation.revolve(section / unit, sections=steps))
     surface = trimesh.util.concatenate(surfaces)
     # From about z to about the line x = axis, parallel to y.
     x, y, z = surface.vertices.T
-    surface.vertices = np.column_stack([axis - x, z, y])
+    surface.vertices = np.column_stack([axis / unit - x, z, y])
     return surface
 
 
 _SWEEPS = {
     "extruded": _Sweep(
-        lambda face, problem: face.Extrude(occ.Vec(0, 0, problem.T)),
+        lambda face, problem, unit: face.Extrude(occ.Vec(0, 0, problem.T / unit)),
         lambda parts, problem: enclosed(parts) * problem.T,
         _extruded,
     ),
     "revolved": _Sweep(
-        lambda face, problem: face.Revolve(occ.Axis(occ.Pnt(problem.L / 2, 0, 0), occ.Y), 360),
+        lambda face, problem, unit: face.Revolve(
+            occ.Axis(occ.Pnt(problem.L / 2 / unit, 0, 0), occ.Y), 360
+        ),
         lambda parts, problem: enclosed(parts, axis=problem.L / 2),
         _revolved,
     ),

@@ -25,7 +25,7 @@ from ngspring.solid.mesh.body import Body
 from ngspring.solid.mesh.quality import MeshQuality, layers_across, quality_of
 from ngspring.solid.mesh.triangles import TriangleMesh, mirrored, to_ngsolve
 from ngspring.solid.mesh.wallsize import Boundary, Sizes, graded, survey
-from ngspring.solid.outline.levelset import ChiFunction, LevelSet, is_symmetric
+from ngspring.solid.outline.levelset import ChiFunction, LevelSet, is_symmetric, owner
 from ngspring.solid.outline.outline import Outline, outline
 from ngspring.solid.sides import SURFACE
 
@@ -47,7 +47,7 @@ def mesh_body(
     min_size: float | None = None,
     max_size: float | None = None,
     smallest_island: float | None = None,
-    smallest_void: float = 1e-3,
+    smallest_void: float | None = None,
 ) -> Body:
     """Mesh the solid {chi > level} with curved second-order triangles.
 
@@ -90,11 +90,8 @@ def mesh_body(
         raise ProblemError(f"elements_across = {shown(elements_across)} must be an integer")
     if elements_across < 1:
         raise ProblemError(f"elements_across = {elements_across} must be at least 1")
-    if problem is None and isinstance(design, Design):
-        problem = design.problem
-    symmetric = isinstance(design, Design) or (
-        problem is not None and callable(design) and is_symmetric(design, problem)
-    )
+    problem = owner(design, problem)
+    symmetric = isinstance(design, Design) or is_symmetric(design, problem)
     part = "quarter" if symmetric else domain
     solid = outline(
         design,
@@ -155,26 +152,27 @@ def _mesh_with_walls(solid: Outline, boundary: Boundary, sizes: Sizes) -> tuple[
 def _near(points: FloatArray, marked: Mask, reach: FloatArray) -> Mask:
     result = np.zeros(len(points), bool)
     for k in np.flatnonzero(marked).tolist():
-        result |= np.hypot(*(points - points[k]).T) <= max(reach[k], 1e-12)
+        result |= np.hypot(*(points - points[k]).T) <= reach[k]
     return result
 
 
 def _generate(ls: LevelSet, boundary: Boundary, sizes: Sizes, refine: FloatArray) -> TriangleMesh:
     size = graded(boundary.points, sizes.along(boundary, refine), sizes.grading)
     geometry = SplineGeometry()
-    parameters = MeshingParameters(maxh=sizes.largest, grading=sizes.grading)
+    # Netgen's tolerances are absolute: it sees everything in units.
+    parameters = MeshingParameters(maxh=sizes.largest / ls.unit, grading=sizes.grading)
     first = {}
     for k, piece in enumerate(boundary.pieces):
         mine = np.flatnonzero(boundary.piece == k)
         nodes = _divided(ls, boundary.points[mine], size[mine], piece.name)
         numbers = []
-        for x, y in nodes.tolist():
+        for x, y in (nodes / ls.unit).tolist():
             if (x, y) not in first:
                 first[x, y] = geometry.AppendPoint(x, y)
             numbers.append(first[x, y])
         for a, b in pairwise(numbers):
             geometry.Append(["line", a, b], leftdomain=1, rightdomain=0, bc=piece.name)
-    _restrict(parameters, boundary, size, sizes.inside(boundary, refine))
+    _restrict(parameters, boundary, size, sizes.inside(boundary, refine), ls.unit)
     geometry.SetMaterial(1, "solid")
     try:
         mesh = geometry.GenerateMesh(mp=parameters)
@@ -202,12 +200,17 @@ def _divided(ls: LevelSet, points: FloatArray, size: FloatArray, name: str) -> F
 
 
 def _restrict(
-    parameters: MeshingParameters, boundary: Boundary, size: FloatArray, inside: FloatArray
+    parameters: MeshingParameters,
+    boundary: Boundary,
+    size: FloatArray,
+    inside: FloatArray,
+    unit: float,
 ) -> None:
     """Give Netgen the size on the boundary and, where it is a wall's, inside the wall."""
-    for k, (x, y) in enumerate(boundary.points.tolist()):
-        parameters.RestrictH(x=x, y=y, z=0.0, h=float(size[k]))
+    for (x, y), h in zip((boundary.points / unit).tolist(), (size / unit).tolist(), strict=True):
+        parameters.RestrictH(x=x, y=y, z=0.0, h=h)
     for k in np.flatnonzero(boundary.opposite >= 0).tolist():
         for share in (0.25, 0.5):
             place = boundary.points[k] + share * boundary.thickness[k] * boundary.normals[k]
-            parameters.RestrictH(x=float(place[0]), y=float(place[1]), z=0.0, h=float(inside[k]))
+            x, y, h = (float(value) / unit for value in (*place, inside[k]))
+            parameters.RestrictH(x=x, y=y, z=0.0, h=h)

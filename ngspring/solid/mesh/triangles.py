@@ -56,8 +56,11 @@ class TriangleMesh:
 
     @classmethod
     def from_netgen(cls, mesh: nm.Mesh, ls: LevelSet) -> TriangleMesh:
-        """Take over a straight mesh; all boundary nodes are moved onto the contour of chi."""
-        corners = np.array(mesh.Coordinates())[:, :2]
+        """Take over a straight mesh in units of a level set.
+
+        All boundary nodes are moved onto the contour of chi, or onto their side.
+        """
+        corners = np.array(mesh.Coordinates())[:, :2] * ls.unit
         linear = np.array([[p.nr for p in el.vertices] for el in mesh.Elements2D()]) - 1
         edges = np.array([[p.nr for p in el.vertices] for el in mesh.Elements1D()]) - 1
         number = np.array([el.index for el in mesh.Elements1D()])
@@ -72,6 +75,10 @@ class TriangleMesh:
         corners, linear, edges = corners[used], inverse.reshape(-1, 3), renumber[edges]
         free = names == NAMES.index(SURFACE)
         on_side = np.unique(edges[~free])
+        for name, axis, place in zip(
+            SIDES, (0, 0, 1, 1), (0.0, ls.size[0], 0.0, ls.size[1]), strict=True
+        ):
+            corners[edges[names == NAMES.index(name)], axis] = place
         off = np.setdiff1d(np.unique(edges[free]), on_side)
         corners[off] = ls.project(corners[off])
         return _with_middles(corners, linear, edges, names, ls)

@@ -130,7 +130,7 @@ def _curvature(points: FloatArray, normals: FloatArray) -> FloatArray:
     gap = np.linalg.norm(np.diff(points, axis=0), axis=1)
     a, b = normals[:-1], normals[1:]
     turn = np.abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1)))
-    between = turn / np.maximum(gap, 1e-12)
+    between = np.divide(turn, gap, out=np.zeros_like(turn), where=gap > 0)
     return np.asarray(
         np.maximum(np.append(between, between[-1]), np.insert(between, 0, between[0]))
     )

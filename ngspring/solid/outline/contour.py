@@ -32,6 +32,8 @@ _AREA_HALVINGS = 5
 #: The traced level differs from the wanted one by this share of the largest |chi|, so that no grid
 #: point lies exactly on the contour. Vertices are moved onto the wanted contour afterwards.
 _SHIFT = 1.23456789e-13
+#: Points of a contour are the same up to this distance, in units of the level set.
+_SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,9 +351,10 @@ def _on_contour(level_set: LevelSet, points: FloatArray, closed: bool) -> FloatA
     normal = level_set.normals((result[1:] + result[:-1]) / 2)
     if (chord[:, 0] * normal[:, 1] - chord[:, 1] * normal[:, 0]).sum() < 0:
         result = result[::-1].copy()
-    keep = np.linalg.norm(np.diff(result, axis=0, prepend=result[-1:]), axis=1) > 1e-9
+    tiny = _SAME * level_set.unit
+    keep = np.linalg.norm(np.diff(result, axis=0, prepend=result[-1:]), axis=1) > tiny
     if not closed:
         keep[[0, -1]] = True
-        if np.linalg.norm(result[-1] - result[-2]) <= 1e-9 and len(result) > 2:
+        if np.linalg.norm(result[-1] - result[-2]) <= tiny and len(result) > 2:
             keep[-2] = False
     return np.asarray(result[keep])

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.solid.outline.levelset import LevelSet
 
-#: Directions that differ by more than this across no distance make a corner, in rad.
+#: Directions that differ by more than this across no distance make a corner, in rad; no distance
+#: is this many units of the level set.
 _CORNER_ANGLE = 0.35
 _CORNER_SIZE = 1e-4
 
@@ -23,7 +24,7 @@ class Curve:
     Attributes
     ----------
     points : array (n, 2)
-        On the contour to 1e-10 mm. A closed curve does not repeat its first point.
+        On the contour to 1e-12 of the domain. A closed curve does not repeat its first point.
     closed : bool
         Open curves begin and end on a side of the domain.
     corners : int array
@@ -87,9 +88,10 @@ def _turns(normals: FloatArray) -> FloatArray:
 
 def _with_corners(level_set: LevelSet, dense: FloatArray) -> tuple[FloatArray, IntArray]:
     """Points added where the direction jumps, and the numbers of those that are corners."""
+    size = _CORNER_SIZE * level_set.unit
     for _ in range(60):
         gap = np.linalg.norm(np.diff(dense, axis=0), axis=1)
-        jump = (_turns(level_set.normals(dense)) > _CORNER_ANGLE) & (gap > _CORNER_SIZE)
+        jump = (_turns(level_set.normals(dense)) > _CORNER_ANGLE) & (gap > size)
         where = np.flatnonzero(jump)
         if not where.size:
             break
@@ -99,7 +101,7 @@ def _with_corners(level_set: LevelSet, dense: FloatArray) -> tuple[FloatArray, I
     jumps = jumps[(jumps > 1) & (jumps < len(dense) - 1)]
     # The few points that mark one corner count once.
     place = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))])
-    apart = np.diff(place[jumps], prepend=-np.inf) > 10 * _CORNER_SIZE
+    apart = np.diff(place[jumps], prepend=-np.inf) > 10 * size
     return dense, jumps[apart].astype(np.int64)
 
 
@@ -109,7 +111,7 @@ def _respaced(level_set: LevelSet, dense: FloatArray, spacing: float, angle: flo
     turn = _turns(level_set.normals(dense))
     if not level_set.exact:
         # At a corner the normal belongs to either side.
-        turn = np.where(gap > 2 * _CORNER_SIZE, turn, 0.0)
+        turn = np.where(gap > 2 * _CORNER_SIZE * level_set.unit, turn, 0.0)
         turn[0], turn[-1] = min(turn[:2]), min(turn[-2:])
     needed = np.maximum(gap / spacing, turn / angle)
     place = np.concatenate([[0.0], np.cumsum(needed)])

@@ -18,13 +18,14 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import OutlineError, ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.grid import Grid
+from ngspring.problem.scaling import length_unit
 from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
 
 #: A vectorised function chi(x, y); x and y in mm from the lower left corner of the full domain.
 ChiFunction: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 
-#: Points of the contour satisfy |chi - level| / |grad chi| below this, in mm.
+#: Points of the contour satisfy |chi - level| / |grad chi| below this, in units of `LevelSet.unit`.
 ON_CONTOUR = 1e-10
 #: Fine cells per element on which chi of a function is taken as biquadratic to find its contours.
 FUNCTION_CELLS = 8
@@ -65,6 +66,11 @@ class LevelSet:
         return Grid(self.problem).size
 
     @property
+    def unit(self) -> float:
+        """The length in mm that what is tiny is measured with: 1 for the paper's springs."""
+        return length_unit(self.problem)
+
+    @property
     def mirrors(self) -> tuple[str, ...]:
         """Sides of the rectangle on which the solid continues as its mirror image."""
         return tuple(mirror.side for mirror in self.problem.sector.mirrors)
@@ -87,7 +93,7 @@ class LevelSet:
         Raises
         ------
         OutlineError
-            If a point does not reach the contour to 1e-10 mm.
+            If a point does not reach the contour to 1e-12 of the domain.
         """
         result, reached = self.approach(points, along)
         if not reached.all():
@@ -119,10 +125,11 @@ class LevelSet:
         -------
         points : array (n, 2)
         reached : bool array (n,)
-            Whether each point is on the contour to 1e-10 mm and within reach.
+            Whether each point is on the contour to 1e-12 of the domain and within reach.
         """
         size = np.array(self.size)
         element = float((size / self.cells).min())
+        near = ON_CONTOUR * self.unit
         start = np.array(points, float)
         result = start.copy()
         active = np.arange(len(result))
@@ -140,12 +147,12 @@ class LevelSet:
             length = np.abs(step) * np.linalg.norm(direction, axis=1)
             step *= np.minimum(1.0, element / np.maximum(length, 1e-300))
             result[active] = np.clip(here + step[:, None] * direction, 0.0, size)
-            active = active[length > 0.1 * ON_CONTOUR]
+            active = active[length > 0.1 * near]
             if not active.size:
                 break
         allowed = np.full(len(start), element) if reach is None else reach
         moved = np.linalg.norm(result - start, axis=1)
-        return result, (np.abs(self.distance(result)) <= ON_CONTOUR) & (moved <= allowed)
+        return result, (np.abs(self.distance(result)) <= near) & (moved <= allowed)
 
 
 def level_set(
@@ -176,10 +183,7 @@ def level_set(
     OutlineError
         If chi is not finite, or a quarter is wanted of a function without its symmetries.
     """
-    if problem is None:
-        if not isinstance(design, Design):
-            raise ProblemError("a function chi(x, y) needs a problem that says how large it is")
-        problem = design.problem
+    problem = owner(design, problem)
     if not np.isfinite(level):
         raise ProblemError(f"level = {shown(level)} must be a finite number")
     if domain is not None and domain not in DOMAINS:
@@ -187,14 +191,29 @@ def level_set(
     level = float(level)
     if isinstance(design, Design):
         return _of_design(design, problem.replace(domain=domain or "quarter"), level)
-    if not callable(design):
-        raise ProblemError(f"{shown(design)} is neither a Design nor a function chi(x, y)")
     if domain != "full":
         symmetric = is_symmetric(design, problem)
         if domain == "quarter" and not symmetric:
             raise OutlineError("chi is not symmetric about both axes: use domain='full'")
         domain = "quarter" if symmetric else "full"
     return _of_function(design, problem.replace(domain=domain), level)
+
+
+def owner(design: Design | ChiFunction, problem: SpringProblem | None) -> SpringProblem:
+    """The given problem, or that of a design.
+
+    Raises
+    ------
+    ProblemError
+        If the problem of a function is missing, or it is neither a design nor a function.
+    """
+    if problem is None:
+        if not isinstance(design, Design):
+            raise ProblemError("a function chi(x, y) needs a problem that says how large it is")
+        return design.problem
+    if not callable(design) and not isinstance(design, Design):
+        raise ProblemError(f"{shown(design)} is neither a Design nor a function chi(x, y)")
+    return problem
 
 
 def _of_design(design: Design, problem: SpringProblem, level: float) -> LevelSet:

@@ -28,6 +28,10 @@ logger = logging.getLogger(__name__)
 #: Largest area with a density between 0.05 and 0.95, as a multiple of what the interfaces of a
 #: design at the steepest slope of chi take (Eq. 11); finished designs have 1.3 to 2.
 CLEAR = 5.0
+#: Voids of a smaller share of L H are filled.
+_VOID = 1e-7
+#: Stops along the sides are the same up to this distance, in units of the level set.
+_SAME = 1e-9
 #: |chi| at the densities 0.05 and 0.95.
 _GREY_CHI = float(np.log(19.0))
 
@@ -154,7 +158,7 @@ def outline(
     level: float = 0.0,
     domain: str | None = None,
     smallest_island: float | None = None,
-    smallest_void: float = 1e-3,
+    smallest_void: float | None = None,
     spacing: float | None = None,
     angle: float = 0.1,
 ) -> Outline:
@@ -167,8 +171,9 @@ def outline(
     smallest_island : float, optional
         Separate solid parts whose area in the full domain is below this (mm^2) are dropped with a
         warning; by default l_i^2, a single interface width.
-    smallest_void : float
-        Voids whose area in the full domain is below this (mm^2) are filled with a warning.
+    smallest_void : float, optional
+        Voids whose area in the full domain is below this (mm^2) are filled with a warning; by
+        default 1e-7 of L H.
     spacing, angle
         See `ngspring.solid.outline.contour.trace`.
 
@@ -180,6 +185,8 @@ def outline(
     ls = level_set(design, problem, level=level, domain=domain)
     if smallest_island is None:
         smallest_island = ls.problem.l_i**2
+    if smallest_void is None:
+        smallest_void = _VOID * ls.problem.L * ls.problem.H
     for name, value in (("smallest_island", smallest_island), ("smallest_void", smallest_void)):
         if not (np.isfinite(value) and value >= 0):
             raise ProblemError(f"{name} = {shown(value)} must be an area in mm^2, at least 0")
@@ -358,12 +365,13 @@ def _along_sides(a: FloatArray, b: FloatArray, distance: float, ls: LevelSet) ->
     """Straight pieces from a counter-clockwise along the sides to b."""
     width, height = ls.size
     start = _place_on_sides(a, ls.size)
+    tiny = _SAME * ls.unit
     places = np.cumsum([0.0, width, height, width, height, width, height, width, height])
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
     sides = ("bottom", "right", "top", "left")
-    between = [k for k, s in enumerate(places) if start + 1e-9 < s < start + distance - 1e-9]
+    between = [k for k, s in enumerate(places) if start + tiny < s < start + distance - tiny]
     stops = [a, *(corners[k % 4] for k in between), b]
-    first = int(np.searchsorted(places, start + 1e-9)) - 1
+    first = int(np.searchsorted(places, start + tiny)) - 1
     return [
         Piece(np.array([stops[k], stops[k + 1]]), sides[(first + k) % 4])
         for k in range(len(stops) - 1)

@@ -50,8 +50,12 @@ class SmoothPiece:
         )
 
 
-def smooth_loops(outline: Outline, tolerance: float) -> list[list[list[SmoothPiece]]]:
+def smooth_loops(
+    outline: Outline, tolerance: float, degree: int = 3
+) -> list[list[list[SmoothPiece]]]:
     """Parts -> loops -> pieces, each within the tolerance (mm) of the contour.
+
+    Of degree 1 the curves are polygons through their points.
 
     Raises
     ------
@@ -59,14 +63,14 @@ def smooth_loops(outline: Outline, tolerance: float) -> list[list[list[SmoothPie
         If a contour is not smooth enough.
     """
     return [
-        [_smooth_loop(outline.level_set, loop, tolerance) for loop in part.loops]
+        [_smooth_loop(outline.level_set, loop, tolerance, degree) for loop in part.loops]
         for part in outline.parts
     ]
 
 
-def _smooth_loop(ls: LevelSet, loop: Loop, tolerance: float) -> list[SmoothPiece]:
+def _smooth_loop(ls: LevelSet, loop: Loop, tolerance: float, degree: int) -> list[SmoothPiece]:
     return [
-        fit(ls, piece, tolerance) if piece.name == SURFACE else _straight(piece)
+        fit(ls, piece, tolerance, degree) if piece.name == SURFACE else _straight(piece)
         for piece in loop.pieces
     ]
 
@@ -76,11 +80,11 @@ def _straight(piece: Piece) -> SmoothPiece:
     return SmoothPiece(piece.points, np.array([0.0, float(np.linalg.norm(b - a))]))
 
 
-def fit(ls: LevelSet, piece: Piece, tolerance: float) -> SmoothPiece:
-    """A cubic spline through points of a piece, refined until it is within the tolerance (mm)."""
+def fit(ls: LevelSet, piece: Piece, tolerance: float, degree: int = 3) -> SmoothPiece:
+    """A spline through points of a piece, refined until it is within the tolerance (mm)."""
     points = piece.points
     for _ in range(_REFINEMENTS):
-        spline, knots = _interpolant(ls, points, piece.periodic)
+        spline, knots = _interpolant(ls, points, piece.periodic, degree)
         u = knots[:-1, None] + np.diff(knots)[:, None] * _CHECKED
         place = np.clip(spline(u.ravel()), 0, ls.size)
         off = np.abs(ls.distance(place)).reshape(-1, len(_CHECKED)).max(axis=1)
@@ -90,17 +94,19 @@ def fit(ls: LevelSet, piece: Piece, tolerance: float) -> SmoothPiece:
         middle = ls.project(np.clip(spline((knots[poor] + knots[poor + 1]) / 2), 0, ls.size))
         points = np.insert(points, poor + 1, middle, axis=0)
     raise OutlineError(
-        f"a smooth curve within {tolerance:g} mm of the contour near"
+        f"a curve within {tolerance:g} mm of the contour near"
         f" ({points[0, 0]:.4g}, {points[0, 1]:.4g}) mm was not found: use a larger tolerance"
     )
 
 
-def _interpolant(ls: LevelSet, points: FloatArray, periodic: bool) -> tuple[BSpline, FloatArray]:
+def _interpolant(
+    ls: LevelSet, points: FloatArray, periodic: bool, degree: int
+) -> tuple[BSpline, FloatArray]:
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     normals = ls.normals(points[[0, -1]])
-    if not ls.exact and not periodic:
+    if degree == 1 or (not ls.exact and not periodic):
         # At a corner the gradient belongs to either side: leave the ends free.
-        return make_interp_spline(knots, points, k=3 if len(points) > 3 else 1), knots
+        return make_interp_spline(knots, points, k=degree if len(points) > 3 else 1), knots
     tangents = np.column_stack([normals[:, 1], -normals[:, 0]])
     ends = ([(1, tangents[0])], [(1, tangents[1])])
     return make_interp_spline(knots, points, k=3, bc_type=ends), knots
