@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from ngspring.basics.text import significant
 from ngspring.campaign.outcome import Outcome
 from ngspring.campaign.plan import read_campaign
 from ngspring.campaign.results import RESULTS_CSV, RESULTS_JSON
@@ -155,7 +156,7 @@ def _results_table(outcomes: Iterable[Outcome]) -> Table:
     for outcome in outcomes:
         points = outcome.run.problem.control_points[: len(outcome.q)]
         forces = [
-            f"{q:.4f}/{point.q:g}" + (" (η)" if point.eta else "")
+            f"{significant(q, 5)}/{point.q:g}" + (" (η)" if point.eta else "")
             for q, point in zip(outcome.q, points, strict=True)
         ]
         worst = outcome.worst_deviation

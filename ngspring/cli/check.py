@@ -6,6 +6,7 @@ import click
 from rich.table import Table
 
 from ngspring.basics.errors import ConvergenceError, ProblemError
+from ngspring.basics.text import significant
 from ngspring.cli.options import FAILED, OK, UNSOUND, threads_option
 from ngspring.cli.tables import make_console
 from ngspring.design.design import Design
@@ -124,7 +125,7 @@ def add_check(
     table.add_row(
         name,
         f"{outcome.residual:.1e}",
-        "\n".join(f"{q:.6f}" for q in outcome.q),
+        "\n".join(significant(q, 6) for q in outcome.q),
         "\n".join(
             deviation_percent(float(q), point.q) + (f" (η = {point.eta:g})" if point.eta else "")
             for q, point in zip(outcome.q, points, strict=True)

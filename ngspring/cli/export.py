@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from ngspring.basics.text import significant
 from ngspring.cli.arguments import make_folder
 from ngspring.cli.options import OK, offset_option
 from ngspring.evolution.folder import read_design
@@ -22,11 +23,20 @@ _OTHER_SUFFIXES = {"step": (".stp",)}
 @click.option("--format", "kind", type=click.Choice(FORMATS), required=True)
 @offset_option
 @click.option(
+    "--polylines",
+    type=float,
+    metavar="MM",
+    help="Closed polylines in a dxf file, this many mm from the contour at most, in place of"
+    " splines.",
+)
+@click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
     help="File to write; beside the design by default, with its name (and -solid for vtu).",
 )
-def export_command(name: str, kind: str, offset: float, out: Path | None) -> int:
+def export_command(
+    name: str, kind: str, offset: float, polylines: float | None, out: Path | None
+) -> int:
     """Write the solid of a design, in mm and true size.
 
     The design is a file, a run folder, or the name of a stored design. svg and dxf hold the
@@ -39,11 +49,16 @@ def export_command(name: str, kind: str, offset: float, out: Path | None) -> int
     design, path = read_design(name)
     target = _exported(path, kind) if out is None else out
     make_folder(target.parent)
-    written = export_body(design, target, kind, level=offset_level(design, offset))
-    what = "solid" if kind in ("step", "stl") else "outline" if kind in ("svg", "dxf") else "part"
-    size = (
-        f"{written.measure:.1f} mm^3" if kind in ("step", "stl") else f"{written.measure:.2f} mm^2"
+    written = export_body(
+        design,
+        target,
+        kind,
+        level=offset_level(design, offset),
+        tolerance=polylines,
+        polylines=polylines is not None,
     )
+    what = "solid" if kind in ("step", "stl") else "outline" if kind in ("svg", "dxf") else "part"
+    size = f"{significant(written.measure, 6)} mm^{3 if kind in ('step', 'stl') else 2}"
     plural = "" if written.parts == 1 else "s"
     click.echo(f"{written.path}: {written.parts} {what}{plural}, {size}")
     return OK

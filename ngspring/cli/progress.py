@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from ngspring.basics.text import significant
 from ngspring.design.history import Row
 from ngspring.evolution.updates import Observer, Update
 from ngspring.problem.spring import SpringProblem
@@ -26,7 +27,8 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
     forces = " ".join(
-        f"{q:.4f}/{point.q:g}" for q, point in zip(row.q, problem.control_points, strict=True)
+        f"{significant(q, 5)}/{point.q:g}"
+        for q, point in zip(row.q, problem.control_points, strict=True)
     )
     return (
         f"update {row.update:4} dt {row.dt:.1e}"
@@ -71,7 +73,7 @@ class LiveTable:
         table.add_row(width_symbol(problem), f"{row.width:.4f}")
         for q, point in zip(row.q, problem.control_points, strict=True):
             name = f"q [N] at {point_label(point)}"
-            table.add_row(name, f"{q:.4f}", f"{point.q:g}", deviation_percent(q, point.q))
+            table.add_row(name, significant(q, 5), f"{point.q:g}", deviation_percent(q, point.q))
         table.add_row("elapsed", duration(row.seconds + since))
         if self._rejected:
             table.caption = self._rejected

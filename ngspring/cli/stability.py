@@ -9,6 +9,7 @@ from rich.table import Table
 
 from ngspring.analysis.stability import Critical, Stability, stability
 from ngspring.analysis.states import curve_displacements
+from ngspring.basics.text import significant
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import OK, incomplete, points_option, threads_option
 from ngspring.cli.tables import make_console, new_table
@@ -53,12 +54,13 @@ def stability_table(outcome: Stability) -> Table:
     """One row per displacement."""
     columns = ("d [mm]", "q [N]", "lowest eigenvalue", "negative", "", "in solid", "symmetry")
     table = new_table(*columns, texts=("", "symmetry"))
+    largest = max(map(abs, outcome.q), default=0.0)
     for point, relative in zip(outcome.points, outcome.relative, strict=True):
         # At rest all modes of the solid have the same eigenvalue: no one of them is the lowest.
         mode = None if point.d == 0.0 else point.modes[0]
         table.add_row(
             f"{point.d:g}",
-            f"{point.q:.6f}",
+            significant(point.q, 6, among=largest),
             f"{relative:.5f}",
             "unknown" if point.negative is None else f"{point.negative}",
             point.verdict,
@@ -81,7 +83,7 @@ def _critical_line(critical: Critical) -> str:
     side = "compression" if critical.d < 0 else "tension"
     whose = "the spring's" if mode.kind == "solid" else f"the third medium's own, in {mode.kind}"
     return (
-        f"unstable in {side} from d = {critical.d:.3f} mm, q = {critical.q:.6g} N on: a mode"
-        f" {mode.symmetry_text}, {whose}"
+        f"unstable in {side} from d = {significant(critical.d, 4)} mm, q = {critical.q:.6g} N on:"
+        f" a mode {mode.symmetry_text}, {whose}"
         f" ({100 * mode.shares[0]:.0f} % of its strain energy in solid)"
     )

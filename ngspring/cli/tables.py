@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from rich.console import Console
 from rich.table import Table
 
+from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.problem.spring import SpringProblem
@@ -33,7 +34,9 @@ def points_table(problem: SpringProblem, forces: Sequence[float | None]) -> Tabl
     """Reached forces against their targets; None where the path ends before."""
     table = new_table("d [mm]", "η", "target q [N]", "reached q [N]", "deviation")
     for point, q in zip(problem.control_points, forces, strict=True):
-        reached = ("not reached", "") if q is None else (f"{q:.6f}", deviation_percent(q, point.q))
+        reached = (
+            ("not reached", "") if q is None else (significant(q, 6), deviation_percent(q, point.q))
+        )
         table.add_row(f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *reached)
     return table
 
@@ -46,7 +49,7 @@ def design_lines(design: Design) -> list[str]:
         f"{problem.name or 'spring without name'}: {problem.kinematics},"
         f" {problem.elements} x {problem.elements} elements ({problem.domain}),"
         f" {problem.L:g} x {problem.H:g} mm, l_i = {problem.l_i:g} mm",
-        f"{width_symbol(problem)} = {ratio:.4f}, V = {design.volume:.2f} mm³",
+        f"{width_symbol(problem)} = {ratio:.4f}, V = {significant(design.volume, 6)} mm³",
     ]
     if design.info.get("start"):
         lines.append(f"start: {design.info['start']}")

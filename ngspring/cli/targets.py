@@ -12,6 +12,7 @@ from rich.table import Table
 from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import write_text
+from ngspring.basics.text import significant
 from ngspring.cli.arguments import read_problem
 from ngspring.cli.options import FAILED, OK, anywhere_option
 from ngspring.cli.tables import make_console, new_table
@@ -191,16 +192,11 @@ def _points_table(problem: SpringProblem) -> Table:
             f"{point.d:g}",
             f"{point.q:g}",
             f"{point.eta:g}",
-            _strain(point.d / problem.H),
+            significant(point.d / problem.H, 3, "+"),
             f"{point.q / problem.top_area:.4g}",
             f"{100 * point.q / block_force(problem, point.d):.3g} %",
         )
     return table
-
-
-def _strain(value: float) -> str:
-    """To three decimals, or as many as show two digits."""
-    return f"{value:+.3f}" if abs(value) >= 0.01 else f"{value:+.2g}"
 
 
 def _check_writable(out: Path) -> None:

@@ -9,6 +9,7 @@ import click
 from rich.table import Table
 
 from ngspring.basics.files import write_text
+from ngspring.basics.text import significant
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import (
     OK,
@@ -22,7 +23,6 @@ from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
 from ngspring.solid.tolerance import Tolerance, tolerance
 from ngspring.view.figure import save_figure
-from ngspring.view.text import number
 from ngspring.view.tolerance import tolerance_figure
 
 
@@ -30,9 +30,8 @@ from ngspring.view.tolerance import tolerance_figure
 @click.argument("name", metavar="DESIGN")
 @click.option(
     "--offsets",
-    default="0.1,0.25,0.5",
-    show_default=True,
-    help="Sizes in mm, with commas between them; each is taken in and out.",
+    help="Sizes in mm, with commas between them; each is taken in and out. By default 0.1, 0.25 and"
+    " 0.5 % of sqrt(L H).",
 )
 @points_option(11)
 @across_option
@@ -40,7 +39,7 @@ from ngspring.view.tolerance import tolerance_figure
 @threads_option
 def tolerance_command(
     name: str,
-    offsets: str,
+    offsets: str | None,
     points: int,
     elements_across: int,
     out: Path | None,
@@ -52,7 +51,7 @@ def tolerance_command(
     and tolerance.png.
     """
     try:
-        sizes = [float(size) for size in offsets.split(",")]
+        sizes = None if offsets is None else [float(size) for size in offsets.split(",")]
     except ValueError:
         raise click.UsageError(
             f"--offsets {offsets!r} must be numbers with commas between them, such as 0.1,0.25"
@@ -74,10 +73,10 @@ def tolerance_table(outcome: Tolerance) -> Table:
     forces = [f"q({point.d:g}) [N]" for point in outcome.points]
     table = new_table("offset [mm]", "chi", *forces)
     for curve in outcome.curves:
-        forces = [number(curve.q(point.d), ".4f") for point in outcome.points]
-        table.add_row(f"{curve.offset:+g}", number(curve.level, "+.3f"), *forces)
+        forces = [significant(curve.q(point.d), 5) for point in outcome.points]
+        table.add_row(f"{curve.offset:+g}", significant(curve.level, 4, "+"), *forces)
     table.add_section()
-    slopes = [number(outcome.sensitivity(point.d), "+.3f") for point in outcome.points]
+    slopes = [significant(outcome.sensitivity(point.d), 4, "+") for point in outcome.points]
     table.add_row("dq/d(offset)", "[N/mm]", *slopes)
     return table
 

@@ -9,6 +9,7 @@ import click
 from rich.table import Table
 
 from ngspring.basics.files import write_text
+from ngspring.basics.text import significant
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import (
     OK,
@@ -25,7 +26,7 @@ from ngspring.solid.tolerance import offset_level
 from ngspring.solid.verification import Verification, verify
 from ngspring.view.figure import save_figure
 from ngspring.view.solid import contact_states_figure, verification_figure
-from ngspring.view.text import deviation_text, number, signed_percent
+from ngspring.view.text import deviation_text, signed_percent
 
 
 @click.command("verify")
@@ -82,9 +83,9 @@ def verification_table(outcome: Verification) -> Table:
         table.add_row(
             f"{verdict.point.d:g}",
             f"{verdict.point.q:g}",
-            number(verdict.q_third_medium, ".4f"),
-            number(verdict.q_contact, ".4f"),
-            number(verdict.deviation, "+.4f"),
+            significant(verdict.q_third_medium, 5),
+            significant(verdict.q_contact, 5),
+            significant(verdict.deviation, 3, "+", verdict.q_contact),
             signed_percent(verdict.relative, 2),
         )
     return table
@@ -96,13 +97,14 @@ def verification_lines(outcome: Verification) -> list[str]:
     starts = contact.contact_starts
     lines = [
         f"largest deviation in force: {deviation_text(*outcome.largest_deviation)}",
-        f"contact starts at d = {', '.join(f'{d:.3f}' for d in starts)} mm"
+        f"contact starts at d = {', '.join(significant(d, 4) for d in starts)} mm"
         if starts
         else "no contact on the path",
     ]
     stretch, x, y = outcome.largest_stretch
-    lines.append(f"largest principal stretch: {stretch:.3f}, at x = {x:.1f}, y = {y:.1f} mm")
-    lines.append(f"smallest wall: {outcome.smallest_wall:.2f} mm")
+    place = f"x = {significant(x, 3)}, y = {significant(y, 3)} mm"
+    lines.append(f"largest principal stretch: {stretch:.3f}, at {place}")
+    lines.append(f"smallest wall: {significant(outcome.smallest_wall, 3)} mm")
     if quality is not None:
         lines.append(
             f"mesh: {quality.elements} elements, at least {quality.elements_across} across a wall,"

@@ -22,6 +22,7 @@ from ngspring.basics.errors import OutlineError, ProblemError
 from ngspring.basics.files import finite_or_none
 from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
+from ngspring.problem.scaling import length_unit
 from ngspring.solid.contact.response import (
     ContactResponse,
     ContactSettings,
@@ -33,6 +34,7 @@ from ngspring.solid.outline.levelset import level_set
 from ngspring.solid.outline.outline import Outline, outline
 from ngspring.solid.sides import SURFACE
 
+#: Offsets by default, in units of a hundredth of sqrt(L H).
 OFFSETS = (0.1, 0.25, 0.5)
 #: Relative accuracy of the mean offset.
 _ACCURACY = 1e-3
@@ -144,7 +146,7 @@ class Tolerance:
 
 def tolerance(
     design: Design,
-    offsets: Sequence[float] = OFFSETS,
+    offsets: Sequence[float] | None = None,
     *,
     points: int = 11,
     elements_across: int = 4,
@@ -156,8 +158,9 @@ def tolerance(
     Parameters
     ----------
     design : Design
-    offsets : sequence of float
-        Sizes in mm; each is taken outwards and inwards.
+    offsets : sequence of float, optional
+        Sizes in mm; each is taken outwards and inwards. By default 0.1, 0.25 and 0.5 % of
+        sqrt(L H).
     points : int
         Displacements between the outermost control points (which are added, and zero).
     elements_across
@@ -173,6 +176,8 @@ def tolerance(
         If the design itself has no clear outline. A solid that falls apart when its surface is
         moved is reported in its curve instead.
     """
+    if offsets is None:
+        offsets = [share * length_unit(design.problem) for share in OFFSETS]
     if not len(offsets):
         raise ProblemError("no offsets were given")
     for offset in offsets:

@@ -17,6 +17,7 @@ from ngspring.analysis.response import Response, load_displacement
 from ngspring.analysis.states import curve_displacements, force_at, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
+from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint, deviation, relative_deviation
 from ngspring.solid.contact.response import (
@@ -147,7 +148,8 @@ class Verification:
                 found.append(
                     f"At d = {verdict.point.d:g} mm the solid is {100 * abs(verdict.relative):.1f}"
                     f" % {word} than the third medium says"
-                    f" ({verdict.q_contact:.3f} against {verdict.q_third_medium:.3f} N)."
+                    f" ({significant(verdict.q_contact, 4)} against"
+                    f" {significant(verdict.q_third_medium, 4)} N)."
                 )
         if self.smallest_wall < self.design.problem.l_i:
             found.append(

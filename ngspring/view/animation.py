@@ -20,6 +20,7 @@ from ngspring.analysis.states import full_displacement
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.basics.errors import NgspringError
 from ngspring.basics.files import PathLike, replacing
+from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.design.snapshots import Snapshots
 from ngspring.problem.spring import SpringProblem
@@ -145,12 +146,15 @@ def animate_deformation(
         [], [], "D", color="black", markerfacecolor="white", markersize=8, zorder=5
     )
 
+    largest = float(np.abs(response.q).max())
+
     def draw(k: int) -> None:
         d, q = float(response.d[k]), float(response.q[k])
         state.clear()
         draw_design(state, design, fields[k])
         _finish(state, problem, across, upward, d)
-        state.set_title(f"d = {d:.1f} mm, q = {q:.2f} N", fontsize=10)
+        place, force = significant(d, 3, among=problem.H), significant(q, 3, among=largest)
+        state.set_title(f"d = {place} mm, q = {force} N", fontsize=10)
         marker.set_data([d], [q])
 
     _write(figure, path, draw, _there_and_back(response.d), fps)

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from ngspring.basics.errors import RunFolderError
 from ngspring.basics.files import PathLike, write_text
+from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
@@ -87,7 +88,7 @@ def _summary(state: RunState, history: History | None) -> list[tuple[str, str]]:
     """Names and values."""
     design = state.design
     cards = [(width_symbol(design.problem), f"{design.relative_width:.4f}")]
-    cards.append(("volume V", f"{design.volume:.1f} mm³"))
+    cards.append(("volume V", f"{significant(design.volume, 5)} mm³"))
     if history is not None:
         cards.append(("design updates", str(len(history) - 1)))
         cards.append(("Newton iterations", str(history.newton_iterations)))
@@ -117,7 +118,7 @@ def _targets(state: RunState) -> list[tuple[str, ...]]:
     for j, point in enumerate(points):
         found = (_NO_NUMBER, _NO_NUMBER)
         if forces is not None:
-            found = (f"{forces[j]:.4f}", deviation_percent(forces[j], point.q))
+            found = (significant(forces[j], 5), deviation_percent(forces[j], point.q))
         rows.append((f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *found))
     return rows
 
@@ -128,7 +129,7 @@ def _updates(history: History) -> list[list[str]]:
     for row in reversed(history.rows()[-_ROWS:]):
         cells = [str(row.update), step(row.dt), str(row.newton_iterations)]
         cells += [str(row.rejected), f"{row.C:.4e}", f"{row.width:.4f}"]
-        cells += [f"{q:.4f}" for q in row.q]
+        cells += [significant(q, 5) for q in row.q]
         rows.append([*cells, duration(row.seconds)])
     return rows
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from ngspring.analysis.states import index_of
 from ngspring.basics.arrays import FloatArray
+from ngspring.basics.text import significant
 from ngspring.solid.contact.contact import lobatto
 from ngspring.solid.contact.response import ContactResponse
 from ngspring.solid.mesh.body import Body
@@ -142,7 +143,7 @@ def contact_states_figure(verification: Verification) -> Figure:
             draw_body(axes, verification.body, contact.u[k], d)
             if largest > 0:
                 draw_pressure(axes, contact, k, largest)
-        force = "" if k is None or d == 0.0 else f"\nq = {contact.q[k]:.3f} N"
+        force = "" if k is None or d == 0.0 else f"\nq = {significant(contact.q[k], 4)} N"
         axes.set_title(("undeformed" if d == 0.0 else f"d = {d:g} mm") + force, fontsize=SMALL + 1)
         axes.set_xlim(-0.12 * problem.L, 1.12 * problem.L)
         reach = max([0.0, *(x for x, _ in states)])

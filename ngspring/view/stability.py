@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 
 from ngspring.analysis.stability import Critical, Stability
 from ngspring.basics.arrays import FloatArray
+from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.view.design import draw_design, moved_grid
 from ngspring.view.figure import SMALL, new_figure
@@ -56,7 +57,7 @@ def _draw_critical(axes: Axes, design: Design, critical: Critical, eta: float) -
     for side in (0.0, problem.H + critical.d):
         axes.axhline(side, color="0.3", linewidth=0.8)
     axes.set_title(
-        f"critical: d = {critical.d:.2f} mm, q = {critical.q:.3g} N\n"
+        f"critical: d = {significant(critical.d, 3)} mm, q = {significant(critical.q, 3)} N\n"
         f"{mode.symmetry_text}; {100 * mode.shares[0]:.0f} % in solid",
         fontsize=SMALL + 1,
     )

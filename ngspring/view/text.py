@@ -18,11 +18,6 @@ def point_label(point: ControlPoint) -> str:
     return f"d = {point.d:g} mm" + (f", η = {point.eta:g}" if point.eta else "")
 
 
-def number(value: float, form: str) -> str:
-    """A number in a table; a dash where there is none."""
-    return format(value, form) if math.isfinite(value) else "-"
-
-
 def signed_percent(share: float, digits: int) -> str:
     """A share in percent with its sign, without one where it is rounded to 0; a dash for NaN."""
     if not math.isfinite(share):
