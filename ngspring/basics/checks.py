@@ -6,7 +6,11 @@ import difflib
 import math
 import numbers
 from collections.abc import Iterable
+from typing import Any
 
+import numpy as np
+
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError
 
 _LONGEST_SHOWN = 80
@@ -20,6 +24,18 @@ def shown(value: object) -> str:
         text = f"<{type(value).__name__}>"
     text = " ".join(line.strip() for line in text.splitlines())
     return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 3] + "..."
+
+
+def printable(text: str, most: int) -> str:
+    """Return `text` as one line that a terminal shows and does not obey.
+
+    What cannot be printed, such as escape sequences, becomes a question mark, and the middle of
+    more than `most` characters an ellipsis.
+    """
+    line = " ".join(text.split())
+    if len(line) > most:
+        line = f"{line[: most // 2]} ... {line[len(line) - (most - most // 2 - 5) :]}"
+    return "".join(letter if letter.isprintable() else "?" for letter in line)
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
@@ -50,6 +66,23 @@ def finite_number(field: str, value: object) -> float:
     if not math.isfinite(number):
         raise refused(field, value, "a finite number")
     return number
+
+
+def real_array(what: str, values: Any) -> FloatArray:
+    """Return a copy of `values` as an array of floats.
+
+    Raises
+    ------
+    ProblemError
+        If they are not finite real numbers; the message names `what`.
+    """
+    try:
+        given = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        given = np.empty(0, dtype=object)
+    if given.dtype.kind not in "fiu" or not np.isfinite(given).all():
+        raise ProblemError(f"{what} must be finite real numbers")
+    return given.astype(float)
 
 
 def positive_number(field: str, value: object) -> float:

@@ -1,27 +1,34 @@
-"""Files that are either complete or not there: written beside their place, then renamed."""
+"""Files: complete or not there when they are written, bounded and regular when they are read."""
 
 from __future__ import annotations
 
 import codecs
 import contextlib
+import errno
 import io
 import logging
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ngspring.basics.checks import shown
 from ngspring.basics.errors import DesignFileError, ProblemError, RunFolderError
 
 logger = logging.getLogger(__name__)
 
 PathLike = str | os.PathLike[str]
+
+#: Most bytes of a text and of its parts in an .npz, and of all arrays of an .npz.
+LARGEST_TEXT, LARGEST_NOTE, LARGEST_ARRAYS = 20_000_000, 4_000_000, 500_000_000
 
 #: How the temporary files of `replacing` begin; the number of their process follows.
 _OURS = ".ngspring-"
@@ -43,7 +50,7 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
         If the file cannot be written (no permission, no space left, folder missing).
     """
     path = Path(path)
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not os.path.isfile(path):
         raise RunFolderError(f"cannot write {path}: it exists and is not a regular file")
     try:
         handle, name = tempfile.mkstemp(
@@ -96,6 +103,31 @@ def write_text(path: PathLike, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def read_bounded(path: PathLike, most: int) -> bytes:
+    """Content of a regular file of at most ``most`` bytes: everything that is read comes by here.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, is larger, or is a pipe or a device, which may never end.
+    """
+
+    def at_once(name: str, flags: int) -> int:
+        # A pipe that nobody writes to would keep us waiting.
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "it is not a regular file")
+        # Some regular files of the system say that they are empty.
+        end = min(max(status.st_size, 1_000_000), most) + 1
+        content = file.read(end)
+    if len(content) == end:
+        raise OSError(errno.EFBIG, f"it is larger than {most / 1e6:g} MB")
+    return content
+
+
 def read_text(path: str, foreign: bool = False) -> str:
     """Content of a text file; what is wrong with it is a ProblemError of one line.
 
@@ -107,8 +139,7 @@ def read_text(path: str, foreign: bool = False) -> str:
         mark, or Latin-1.
     """
     try:
-        with open(path, "rb") as file:
-            content = file.read()
+        content = read_bounded(path, LARGEST_TEXT)
         if foreign:
             return _decoded(content)
         # Some editors begin UTF-8 files with a byte order mark, which TOML does not allow.
@@ -161,21 +192,54 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any], level: int = logging
         temporary.write_bytes(buffer.getvalue())
 
 
-def read_arrays(path: PathLike, kind: str, version: int) -> dict[str, NDArray[Any]]:
-    """Read what `write_arrays` wrote, checking its format name and version.
+@dataclass(frozen=True)
+class Part:
+    """What an array of a file must be.
+
+    Attributes
+    ----------
+    kinds : str
+        Letters of its type, as NumPy has them: "f" floats, "i" integers, "U" text.
+    ndim : int
+    needed : bool
+        Whether a file without it is incomplete.
+    """
+
+    kinds: str
+    ndim: int
+    needed: bool = True
+
+    def refused(self, array: NDArray[Any]) -> bool:
+        """Whether an array is something else, or a text is too long to be taken apart."""
+        wrong = array.dtype.kind not in self.kinds or array.ndim != self.ndim
+        return wrong or (array.dtype.kind == "U" and array.nbytes > LARGEST_NOTE)
+
+
+TEXT, NUMBER = Part("U", 0), Part("fiu", 0)
+
+
+@contextlib.contextmanager
+def reading_arrays(
+    path: PathLike, kind: str, version: int, parts: Mapping[str, Part]
+) -> Iterator[dict[str, Any]]:
+    """What `write_arrays` wrote, its format, version and parts checked, for a block that uses it.
+
+    Arrays by name, and texts and numbers as Python's where they are single ones. Whatever is
+    raised on the way, also by the block, becomes one line that names the file.
 
     Raises
     ------
     DesignFileError
-        If the file is missing, truncated, of another kind or of another version.
+        If the file is missing, truncated, too large, of another kind or version, or a part is.
     """
-    path = Path(path)
     try:
-        file = np.load(path, allow_pickle=False)
-        if not isinstance(file, np.lib.npyio.NpzFile) or "format" not in file.files:
-            raise DesignFileError(f"{path} is not a {kind} file of ngspring")
-        with file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = _unpacked(read_bounded(path, LARGEST_ARRAYS), f"{path} is not a {kind} file")
+        found = str(arrays["format"])
+        if found != f"ngspring-{kind}":
+            raise DesignFileError(f"{path} is not a {kind} file: its format is {shown(found)}")
+        _check_version(path, kind, arrays.get("version"), version)
+        _check_parts(path, arrays, parts)
+        yield {name: part if part.ndim else part.item() for name, part in arrays.items()}
     except DesignFileError:
         raise
     except FileNotFoundError:
@@ -184,26 +248,47 @@ def read_arrays(path: PathLike, kind: str, version: int) -> dict[str, NDArray[An
         raise DesignFileError(f"{path} is a folder, not a {kind} file") from None
     except OSError as error:
         raise DesignFileError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, EOFError, BadZipFile, KeyError, NotImplementedError, AttributeError):
-        raise DesignFileError(
-            f"{path} is not a {kind} file of ngspring, or it is truncated"
-        ) from None
     except Exception as error:
-        # zipfile and zlib raise many kinds of errors on damaged archives.
-        raise DesignFileError(f"{path} is damaged: {error}") from error
-    found = str(arrays["format"])
-    if found != f"ngspring-{kind}":
-        raise DesignFileError(f"{path} is not a {kind} file of ngspring: its format is {found!r}")
+        # NumPy, zipfile and zlib raise many kinds of errors on what is damaged.
+        what = f"{path} does not hold a valid {kind}"
+        raise DesignFileError(f"{what}: {error or type(error).__name__}") from error
+
+
+def _unpacked(content: bytes, refusal: str) -> dict[str, NDArray[Any]]:
+    """All arrays of an .npz; how large they will be is looked at before."""
     try:
-        number = int(arrays["version"])
-    except (KeyError, TypeError, ValueError):
-        raise DesignFileError(f"{path} has no valid version number") from None
-    if number != version:
-        raise DesignFileError(
-            f"{path} has version {number} of the {kind} format, but this ngspring reads"
-            f" version {version}: {'update ngspring' if number > version else 'make it anew'}"
+        with ZipFile(io.BytesIO(content)) as archive:
+            size = sum(part.file_size for part in archive.infolist())
+    except (BadZipFile, NotImplementedError):
+        raise DesignFileError(f"{refusal} of ngspring, or it is truncated") from None
+    if size > LARGEST_ARRAYS:
+        raise ValueError(
+            f"it unpacks to {size / 1e6:.0f} MB, more than {LARGEST_ARRAYS / 1e6:g} MB"
         )
-    parts = arrays.get("parts")
-    if parts is None or parts.ndim != 1 or sorted(map(str, parts)) != sorted(arrays):
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        if "format" not in file.files:
+            raise DesignFileError(f"{refusal} of ngspring")
+        return {name: file[name] for name in file.files}
+
+
+def _check_version(path: PathLike, kind: str, found: Any, version: int) -> None:
+    if found is None or found.ndim or found.dtype.kind not in "iu":
+        raise DesignFileError(f"{path} has no valid version number")
+    if found != version:
+        raise DesignFileError(
+            f"{path} has version {found} of the {kind} format, but this ngspring reads"
+            f" version {version}: {'update ngspring' if found > version else 'make it anew'}"
+        )
+
+
+def _check_parts(
+    path: PathLike, arrays: Mapping[str, NDArray[Any]], parts: Mapping[str, Part]
+) -> None:
+    names = arrays.get("parts")
+    if names is None or names.ndim != 1 or sorted(map(str, names)) != sorted(arrays):
         raise DesignFileError(f"{path} is damaged: a part is missing")
-    return arrays
+    for name, part in parts.items():
+        if part.needed and name not in arrays:
+            raise DesignFileError(f"{path} lacks its part {name}")
+        if name in arrays and part.refused(arrays[name]):
+            raise ValueError(f"its part {name} has another type or shape, or is too long")

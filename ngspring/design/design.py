@@ -11,14 +11,16 @@ import numpy as np
 from scipy.special import expit
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.basics.checks import shown
-from ngspring.basics.errors import DesignFileError, NgspringError, ProblemError
-from ngspring.basics.files import PathLike, read_arrays, write_arrays
-from ngspring.design.history import History
+from ngspring.basics.checks import real_array, shown
+from ngspring.basics.errors import NgspringError, ProblemError
+from ngspring.basics.files import TEXT, Part, PathLike, reading_arrays, write_arrays
+from ngspring.design.history import HISTORY_PARTS, History
+from ngspring.design.notes import checked_notes
 from ngspring.design.splines import evaluate, greville_points
 from ngspring.problem.spring import SpringProblem
 
 VERSION = 1
+_PARTS = {"problem": TEXT, "coefficients": Part("f", 2), "info": TEXT, **HISTORY_PARTS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,8 @@ class Design:
     Raises
     ------
     ProblemError
-        If the coefficients have another shape or are not finite.
+        If the coefficients have another shape or are not finite real numbers, or a note is not
+        what it has to be, see `ngspring.design.notes`.
     """
 
     problem: SpringProblem
@@ -48,17 +51,16 @@ class Design:
     info: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        values = np.array(self.coefficients, dtype=float)
+        values = real_array("the coefficients of chi", self.coefficients)
         shape = self.problem.coefficient_shape
         if values.shape != shape:
             raise ProblemError(
                 f"the coefficients have shape {values.shape}, but a design on"
                 f" {self.problem.elements} x {self.problem.elements} elements has {shape}"
             )
-        if not np.isfinite(values).all():
-            raise ProblemError("the coefficients of chi must be finite numbers")
         values.setflags(write=False)
         object.__setattr__(self, "coefficients", values)
+        object.__setattr__(self, "info", checked_notes(self.info, len(self.problem.control_points)))
 
     @classmethod
     def from_function(
@@ -75,7 +77,7 @@ class Design:
             outside, at ``x = -h/2``.
         """
         x, y = greville_points(problem)
-        values = np.asarray(f(x, y), dtype=float)
+        values = real_array("chi", f(x, y))
         return cls(problem, np.broadcast_to(values, problem.coefficient_shape))
 
     @classmethod
@@ -189,8 +191,7 @@ class Design:
             "info": json.dumps(dict(self.info)),
         }
         if self.history is not None:
-            arrays["history"] = self.history.values
-            arrays["history_columns"] = np.array(self.history.columns)
+            arrays |= self.history.parts
         write_arrays(path, arrays)
 
     @classmethod
@@ -202,24 +203,7 @@ class Design:
         DesignFileError
             If the file is missing, truncated, of another version, or not a design.
         """
-        arrays = read_arrays(path, "design", VERSION)
-        try:
-            problem = SpringProblem.parse_toml(str(arrays["problem"]))
-            history = None
-            if "history" in arrays:
-                columns = tuple(map(str, arrays["history_columns"]))
-                if arrays["history"].dtype.kind != "f":
-                    raise ValueError("the history table is damaged")
-                values = np.asarray(arrays["history"], dtype=float)
-                if values.ndim != 2 or values.shape[1] != len(columns):
-                    raise ValueError("the history table is damaged")
-                history = History(columns, values)
-            info = json.loads(str(arrays["info"]))
-            coefficients = arrays["coefficients"]
-            if coefficients.dtype.kind != "f" or not isinstance(info, dict):
-                raise ValueError("a part has the wrong type")
-            return cls(problem, coefficients, history, info)
-        except KeyError as error:
-            raise DesignFileError(f"{path} lacks its part {error}") from None
-        except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
-            raise DesignFileError(f"{path} does not hold a valid design: {error}") from None
+        with reading_arrays(path, "design", VERSION, _PARTS) as parts:
+            problem = SpringProblem.parse_toml(parts["problem"])
+            history = History.of_parts(parts, len(problem.control_points))
+            return cls(problem, parts["coefficients"], history, json.loads(parts["info"]))

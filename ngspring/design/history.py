@@ -9,15 +9,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ngspring.basics.arrays import FloatArray
+from ngspring.basics.files import Part
 
 _FIRST = ("update", "dt", "newton_iterations", "rejected", "rejected_iterations", "leap", "C")
 _LAST = ("V", "width", "seconds")
 _KNOWN = (*_FIRST, *_LAST)
 #: Columns that count something.
 _WHOLE = ("update", "newton_iterations", "rejected", "rejected_iterations")
+#: Columns that histories of older versions do not have.
+_ADDED = ("leap",)
 _OF_POINT = re.compile(r"(C_q|q)\d+")
+#: The parts of a file that hold a history, if there is one.
+HISTORY_PARTS = {"history": Part("f", 2, False), "history_columns": Part("U", 1, False)}
 
 
 @dataclass(frozen=True)
@@ -177,6 +183,37 @@ class History:
         tables = [row.columns if isinstance(row, Row) else row for row in rows]
         columns = tuple(tables[0])
         return cls(columns, np.array([[row[name] for name in columns] for row in tables]))
+
+    @property
+    def parts(self) -> dict[str, NDArray[Any]]:
+        """The parts of a file that hold it, see `of_parts`."""
+        return {"history": self.values, "history_columns": np.array(self.columns)}
+
+    @classmethod
+    def of_parts(cls, parts: Mapping[str, NDArray[Any]], points: int) -> History | None:
+        """The history that a file holds, if it holds one, of so many control points.
+
+        Raises
+        ------
+        ValueError
+            If a column is missing or there twice, or a number cannot be what its column says.
+        """
+        if "history" not in parts:
+            return None
+        columns, values = tuple(map(str, parts["history_columns"])), parts["history"].astype(float)
+        if values.shape[1] != len(columns) or len(set(columns)) != len(columns):
+            raise ValueError("the history table is damaged")
+        of_points = [f"{name}{j}" for name in ("q", "C_q") for j in range(1, points + 1)]
+        for name in (*_KNOWN, *of_points):
+            if name not in columns and name not in _ADDED:
+                raise ValueError(f"its history has no column {name}")
+        history = cls(columns, values)
+        counts = values[:, [columns.index(name) for name in _WHOLE]]
+        steps = history["dt"]
+        finite = np.isfinite(np.delete(values, columns.index("dt"), axis=1)).all()
+        if not finite or not (steps >= 0.0).all() or (counts % 1 != 0).any() or (counts < 0).any():
+            raise ValueError("its history holds numbers that cannot be right")
+        return history
 
     def rows(self, which: slice = slice(None)) -> list[Row]:
         """All rows, or some of them."""

@@ -9,18 +9,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ngspring.basics.errors import DesignFileError
-from ngspring.basics.files import PathLike, read_arrays, write_arrays
+from ngspring.basics.files import TEXT, Part, PathLike, reading_arrays, write_arrays
 from ngspring.design.design import Design
 from ngspring.problem.spring import SpringProblem
-
-if TYPE_CHECKING:
-    pass
 
 logger = logging.getLogger(__name__)
 
@@ -29,6 +25,7 @@ VERSION = 1
 UPDATES = (0, 5, 10, 20, 30, 40)
 #: Half precision ends here.
 LARGEST = float(np.finfo(np.float16).max)
+_PARTS = {"problem": TEXT, "updates": Part("i", 1), "coefficients": Part("f", 3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +83,13 @@ class Snapshots:
         DesignFileError
             If the file is missing, truncated, of another version, or holds no snapshots.
         """
-        arrays = read_arrays(path, "snapshots", VERSION)
-        try:
-            problem = SpringProblem.parse_toml(str(arrays["problem"]))
-            updates, coefficients = arrays["updates"], arrays["coefficients"]
-        except KeyError as error:
-            raise DesignFileError(f"{path} lacks its part {error}") from None
-        except (ValueError, TypeError) as error:
-            raise DesignFileError(f"{path} does not hold valid snapshots: {error}") from None
-        shape = (len(updates) if updates.ndim == 1 else -1, *problem.coefficient_shape)
-        if updates.dtype.kind != "i" or coefficients.dtype.kind != "f":
-            raise DesignFileError(f"{path} does not hold valid snapshots: wrong types")
-        if coefficients.shape != shape or not np.isfinite(coefficients).all():
-            raise DesignFileError(f"{path} does not hold valid snapshots: wrong numbers")
-        return cls(problem, updates.astype(np.int64), coefficients.astype(np.float16))
+        with reading_arrays(path, "snapshots", VERSION, _PARTS) as parts:
+            problem = SpringProblem.parse_toml(parts["problem"])
+            updates, coefficients = parts["updates"], parts["coefficients"]
+            if coefficients.shape != (len(updates), *problem.coefficient_shape):
+                raise ValueError("its designs have another mesh than its problem")
+            if not len(updates) or updates[0] < 0 or not (np.diff(updates) > 0).all():
+                raise ValueError("its updates do not increase")
+            if not np.isfinite(coefficients).all():
+                raise ValueError("the coefficients of chi must be finite numbers")
+            return cls(problem, updates.astype(np.int64), coefficients.astype(np.float16))

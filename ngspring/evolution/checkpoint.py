@@ -10,13 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from ngspring.basics.errors import DesignFileError
-from ngspring.basics.files import PathLike, read_arrays, write_arrays
-from ngspring.design.history import History
+from ngspring.basics.checks import printable
+from ngspring.basics.files import NUMBER, TEXT, Part, PathLike, reading_arrays, write_arrays
+from ngspring.design.history import HISTORY_PARTS, History
+from ngspring.design.notes import LONGEST_NOTE, checked_notes
 from ngspring.kkt.system import State
 from ngspring.problem.spring import SpringProblem
 
 VERSION = 1
+_STATES = ("state", "previous")
+#: Parts of a state, with their dimensions.
+_STATE = {"chi": 1, "u": 2, "lam": 2}
+_PARTS = {
+    **dict.fromkeys(("problem", "start"), TEXT),
+    **dict.fromkeys(("dt", "dt_previous"), NUMBER),
+    **{f"{name}_{part}": Part("f", ndim) for name in _STATES for part, ndim in _STATE.items()},
+    # Checkpoints of older versions have none.
+    "notes": Part("U", 0, needed=False),
+    **HISTORY_PARTS,
+}
 
 
 @dataclass(frozen=True)
@@ -45,11 +57,10 @@ class Checkpoint:
             "dt_previous": self.dt_previous,
             "start": self.start,
             "notes": json.dumps(dict(self.notes)),
-            "history": self.history.values,
-            "history_columns": np.array(self.history.columns),
+            **self.history.parts,
         }
-        for name, state in (("state", self.state), ("previous", self.previous)):
-            for part in ("chi", "u", "lam"):
+        for name, state in zip(_STATES, (self.state, self.previous), strict=True):
+            for part in _STATE:
                 arrays[f"{name}_{part}"] = getattr(state, part)
         # Written after every update, which is logged itself.
         write_arrays(path, arrays, logging.DEBUG)
@@ -63,46 +74,38 @@ class Checkpoint:
         DesignFileError
             If the file is missing, truncated, of another version, or not a checkpoint.
         """
-        arrays = read_arrays(path, "checkpoint", VERSION)
-        try:
-            states = [
-                State(*(arrays[f"{name}_{part}"] for part in ("chi", "u", "lam")))
-                for name in ("state", "previous")
-            ]
+        with reading_arrays(path, "checkpoint", VERSION, _PARTS) as parts:
+            problem = SpringProblem.parse_toml(parts["problem"])
+            history = History.of_parts(parts, len(problem.control_points))
+            if history is None or not len(history):
+                raise ValueError("it has no history")
+            state, previous = (
+                State(*(parts[f"{name}_{part}"] for part in _STATE)) for name in _STATES
+            )
+            steps = float(parts["dt_previous"]), float(parts["dt"])
             checkpoint = cls(
-                problem=SpringProblem.parse_toml(str(arrays["problem"])),
-                state=states[0],
-                previous=states[1],
-                dt_previous=float(arrays["dt_previous"]),
-                dt=float(arrays["dt"]),
-                history=History(tuple(map(str, arrays["history_columns"])), arrays["history"]),
-                start=str(arrays["start"]),
-                # Checkpoints of older versions have none.
-                notes=dict(json.loads(str(arrays.get("notes", "{}")))),
+                problem,
+                state,
+                previous,
+                *steps,
+                history,
+                printable(parts["start"], LONGEST_NOTE),
+                checked_notes(json.loads(parts.get("notes", "{}")), len(problem.control_points)),
             )
             checkpoint._check()
-        except KeyError as error:
-            raise DesignFileError(f"{path} lacks its part {error}") from None
-        except (ValueError, TypeError, IndexError, AttributeError) as error:
-            raise DesignFileError(f"{path} does not hold a valid checkpoint: {error}") from None
-        return checkpoint
+            return checkpoint
 
     def _check(self) -> None:
         """Raise ValueError if the parts do not fit together or are not finite."""
         nx, ny = self.problem.coefficient_shape
         points = len(self.problem.control_points)
         for state in (self.state, self.previous):
-            if state.chi.shape != (nx * ny,) or state.u.ndim != 2 or len(state.u) != points:
+            if state.chi.shape != (nx * ny,) or len(state.u) != points:
                 raise ValueError("the state does not fit the problem")
             if state.lam.shape != (points, state.u.shape[1] + 1):
                 raise ValueError("the multipliers do not fit the displacements")
             for part in (state.chi, state.u, state.lam):
-                if part.dtype.kind != "f" or not np.isfinite(part).all():
+                if not np.isfinite(part).all():
                     raise ValueError("the state holds something else than finite numbers")
-        table = self.history
-        if table.values.ndim != 2 or table.values.shape[1] != len(table.columns):
-            raise ValueError("the history table is damaged")
-        if not len(table) or not {"dt", "seconds"} <= set(table.columns):
-            raise ValueError("the history is incomplete")
         if not self.dt > 0 or not self.dt_previous >= 0:
             raise ValueError(f"dt = {self.dt} is not a positive number")

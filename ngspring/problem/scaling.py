@@ -26,7 +26,8 @@ import statistics
 
 import numpy as np
 
-from ngspring.basics.checks import positive_number
+from ngspring.basics.checks import finite_number, shown
+from ngspring.basics.errors import ProblemError
 from ngspring.problem.dimension import dimensions, weights
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.spring import SpringProblem
@@ -83,9 +84,9 @@ def scaled(
     ProblemError
         If a factor is not a positive number.
     """
-    a = positive_number("length", length)
-    s = positive_number("stress", stress)
-    b = a if thickness is None else positive_number("thickness", thickness)
+    a = _factor("length", length)
+    s = _factor("stress", stress)
+    b = a if thickness is None else _factor("thickness", thickness)
     third = b if problem.motion.thick else a
     force, volume = s * a * third, a * a * third
     points = tuple(
@@ -104,6 +105,15 @@ def scaled(
         material=law,
         **{name: getattr(problem, name) * factor for name, factor in factors.items()},
     )
+
+
+def _factor(name: str, value: float) -> float:
+    factor = finite_number(name, value)
+    if not 1e-15 <= factor <= 1e15:
+        raise ProblemError(
+            f"{name} = {shown(value)} is not valid: a factor must be positive, from 1e-15 to 1e15"
+        )
+    return factor
 
 
 def target_stiffness(problem: SpringProblem) -> float:

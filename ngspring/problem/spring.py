@@ -7,6 +7,7 @@ in N and stresses in MPa.
 from __future__ import annotations
 
 import dataclasses
+import math
 import numbers
 import os
 from collections.abc import Iterable, Mapping
@@ -17,7 +18,7 @@ from typing import Any
 
 from ngspring.basics.checks import choice, finite_number, nearest, positive_number, refused
 from ngspring.basics.errors import ProblemError
-from ngspring.problem.dimension import quantity, weights
+from ngspring.problem.dimension import dimensions, quantity, weights
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.kinematics.base import Kinematics, Value
 from ngspring.problem.laws.base import Law
@@ -27,6 +28,10 @@ from ngspring.problem.sector import DOMAINS, Sector, sector_of
 from ngspring.problem.toml import parse_fields, read, write_fields
 
 _POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
+LONGEST_NAME = 200
+MOST_ELEMENTS, MOST_POINTS, LARGEST_N = 2000, 1000, 20.0
+#: How far a number, and a weight of the objective, may be from what fits the spring's size.
+FARTHEST, HEAVIEST = 1e12, 1e60
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,7 @@ class SpringProblem:
         self._check_elements()
         self._check_numbers()
         self._check_control_points()
+        self._check_sizes()
 
     def _check_material(self) -> None:
         if self.material is None:
@@ -124,20 +130,18 @@ class SpringProblem:
     def _check_text(self) -> None:
         choice("kinematics", self.kinematics, tuple(KINEMATICS))
         choice("domain", self.domain, tuple(DOMAINS))
-        if not isinstance(self.name, str):
-            raise refused("name", self.name, "a string")
-        try:
-            self.name.encode()
-        except UnicodeEncodeError:
-            # Such a name could be neither stored nor printed.
-            raise refused("name", self.name, "text that UTF-8 can encode") from None
+        # Anything else could be neither stored nor shown on a terminal.
+        if not isinstance(self.name, str) or not self.name.isprintable():
+            raise refused("name", self.name, "printable text")
+        if len(self.name) > LONGEST_NAME:
+            raise refused("name", self.name, f"at most {LONGEST_NAME} characters long")
 
     def _check_elements(self) -> None:
         N: object = self.elements
-        right = "an even integer of at least 4"
+        right = f"an even integer from 4 to {MOST_ELEMENTS}"
         if isinstance(N, bool) or not isinstance(N, numbers.Integral):
             raise refused("elements", N, right)
-        if N < 4 or N % 2:
+        if not 4 <= int(N) <= MOST_ELEMENTS or N % 2:
             raise refused("elements", N, f"{right}, because the symmetry axes are mesh lines")
         object.__setattr__(self, "elements", int(N))
 
@@ -146,14 +150,17 @@ class SpringProblem:
         for field in (*not_negative, "E_0", "n"):
             object.__setattr__(self, field, finite_number(field, getattr(self, field)))
         for field in _POSITIVE:
-            object.__setattr__(self, field, positive_number(field, getattr(self, field)))
+            object.__setattr__(self, field, _positive(field, getattr(self, field)))
         for field in not_negative:
             if getattr(self, field) < 0.0:
                 raise refused(field, getattr(self, field), "zero or positive")
         if not 0.0 < self.E_0 < 1.0:
             raise refused("E_0", self.E_0, "between 0 and 1, both excluded")
-        if self.n < 2.0:
-            raise refused("n", self.n, "at least 2, or Newton's method has no second derivative")
+        if not 2.0 <= self.n <= LARGEST_N:
+            right = "at least 2, or Newton's method has no second derivative"
+            raise refused("n", self.n, f"{right}, and at most {LARGEST_N:g}")
+        for field in ("E_0", "k_r", "p"):
+            _check_size(field, getattr(self, field), 1e-15, 1e15)
 
     def _check_control_points(self) -> None:
         given: object = self.control_points
@@ -163,6 +170,9 @@ class SpringProblem:
         points = tuple(given)
         if not points:
             raise refused("control_points", points, f"{right} with at least one of them")
+        if len(points) > MOST_POINTS:
+            right = f"at most {MOST_POINTS}: each costs as much as the first"
+            raise refused("the number of control points", len(points), right)
         first_with: dict[tuple[float, float], int] = {}
         for i, point in enumerate(points):
             field = f"control_points[{i}]"
@@ -180,6 +190,27 @@ class SpringProblem:
                     " a displacement must have one target force"
                 )
         object.__setattr__(self, "control_points", points)
+
+    def _check_sizes(self) -> None:
+        """Refuse numbers so far apart that double precision cannot compute with them.
+
+        What is large or small is relative to the size and stiffness of the spring itself.
+        """
+        a, v, E = math.sqrt(self.L * self.H), self.top_area * self.H, max(self.K, self.G)
+        force = E * v / a
+        for name, dimension in dimensions(self).items():
+            unit = dimension.factor(a, v, E, self.n)
+            bounds = (0.0, HEAVIEST) if name in weights(self) else (1 / FARTHEST, FARTHEST)
+            _check_size(name, getattr(self, name), unit * bounds[0], unit * bounds[1])
+        if self.motion.thick:
+            _check_size("T", self.T, a / FARTHEST, a * FARTHEST)
+        for i, point in enumerate(self.control_points):
+            where = f"control_points[{i}]"
+            for name, unit in (("d", a), ("q", force), ("eta", 1.0)):
+                value = getattr(point, name)
+                _check_size(f"{where}.{name}", value, unit / FARTHEST, unit * FARTHEST)
+            unit = force**-2
+            _check_size(f"{where}.weight", point.weight, unit / HEAVIEST, unit * HEAVIEST)
 
     @property
     def motion(self) -> Kinematics:
@@ -315,6 +346,21 @@ class SpringProblem:
         return cls(**parse_fields(text, cls, size, folder, notes, targets_anywhere))
 
 
+def _positive(field: str, value: object) -> float:
+    """A length or a modulus; those of one spring are compared with each other afterwards."""
+    number = positive_number(field, value)
+    # With these, what has the size of a spring cannot overflow.
+    _check_size(field, number, 1e-15, 1e15)
+    return number
+
+
+def _check_size(field: str, value: float, low: float, high: float) -> None:
+    """Raise ProblemError if a number is neither zero nor, without its sign, from low to high."""
+    if value and not low <= abs(value) <= high:
+        right = f"from {low:.0e} to {high:.0e} in size"
+        raise refused(field, value, f"{right}, or double precision cannot compute with it")
+
+
 def height_and_area(values: Mapping[str, Any]) -> tuple[float, float]:
     """Height in mm and loaded area in mm^2 of a spring with these fields, or with the defaults.
 
@@ -328,5 +374,5 @@ def height_and_area(values: Mapping[str, Any]) -> tuple[float, float]:
     names = ("kinematics", "L", "H", "T")
     size = {name: values.get(name, getattr(SpringProblem, name)) for name in names}
     kinematics = KINEMATICS[choice("kinematics", size.pop("kinematics"), tuple(KINEMATICS))]
-    L, H, T = (positive_number(name, value) for name, value in size.items())
+    L, H, T = (_positive(name, value) for name, value in size.items())
     return H, kinematics.top_area(L, T)

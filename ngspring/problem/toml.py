@@ -27,6 +27,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -49,6 +50,12 @@ else:
 
 logger = logging.getLogger(__name__)
 
+
+#: A TOML file has no more characters, and none of its keys more parts with points between them.
+LONGEST_TEXT, _MOST_PARTS = 1_000_000, 20
+_LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_MOST_PARTS}}}"""
+)
 
 #: Keys that are not fields.
 FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
@@ -114,7 +121,12 @@ def _names_a_file(text: str) -> bool:
 
 
 def load_tables(text: str) -> dict[str, Any]:
-    """Parse TOML; what is malformed is a ProblemError of one line."""
+    """Parse TOML; what is malformed, or too much, is a ProblemError of one line."""
+    if len(text) > LONGEST_TEXT:
+        raise ProblemError(f"not valid TOML here: more than {LONGEST_TEXT} characters")
+    if _LONG_KEY.search(text):
+        # The parser's memory grows with the square of the parts.
+        raise ProblemError(f"not valid TOML here: a key of more than {_MOST_PARTS} parts")
     try:
         tables: dict[str, Any] = tomllib.loads(text)
     except RecursionError as error:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import subprocess
 import sys
 import tempfile
+import tracemalloc
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,15 +20,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ngspring import ControlPoint, Design, DesignFileError, History, RunFolderError, SpringProblem
-from ngspring.basics.files import remove_leftovers, write_arrays, write_text
+from ngspring import (
+    ControlPoint,
+    Design,
+    DesignFileError,
+    History,
+    ProblemError,
+    RunFolderError,
+    SpringProblem,
+)
+from ngspring.basics.files import (
+    read_bounded,
+    read_text,
+    remove_leftovers,
+    write_arrays,
+    write_text,
+)
+from ngspring.design.history import Row
 
 PROBLEM = SpringProblem((ControlPoint(10, 2), ControlPoint(-20, -4)), elements=8, name="test")
+
+
+def row(update: int, dt: float) -> Row:
+    values = {"C": 1.0, "V": 2.0, "width": 0.3, "seconds": 4.0}
+    return Row(update, dt, C_q=(0.5, 0.5), q=(2.0, -4.0), **values)  # type: ignore[arg-type]
+
+
 DESIGN = Design(
     PROBLEM,
     np.random.default_rng(0).uniform(-4, 4, PROBLEM.coefficient_shape),
-    History(("update", "dt"), np.array([[0.0, 0.0], [1.0, np.inf]])),
-    {"start": "column"},
+    History.from_rows([row(0, 0.0), row(1, np.inf)]),
+    {"start": "column", "q": [2.0, -4.0]},
 )
 
 
@@ -80,6 +104,10 @@ def is_test_design(design: Design) -> bool:
 def assert_equal_or_refused(path: Path) -> None:
     with contextlib.suppress(DesignFileError):
         assert is_test_design(Design.load(path))
+
+
+def test_a_whole_design_file_is_read(path: Path) -> None:
+    assert is_test_design(Design.load(path))
 
 
 # -- damaged files --------------------------------------------------------------------------------
@@ -141,7 +169,7 @@ def test_a_design_of_another_version_says_which_version_it_is(path: Path) -> Non
     assert "version" in refusal(path)
 
 
-@pytest.mark.parametrize("version", ["one", [1, 1], np.nan, [], 1j])
+@pytest.mark.parametrize("version", ["one", [1, 1], np.nan, [], 1j, np.inf, -np.inf])
 def test_a_version_that_is_no_number_is_refused(path: Path, version: Any) -> None:
     np.savez(path, **{**parts_of(path), "version": version})
     assert "version" in refusal(path)
@@ -241,6 +269,128 @@ def test_a_design_whose_parts_are_not_arrays_is_refused(path: Path) -> None:
         with zipfile.ZipFile(other, "a") as archive:
             archive.writestr(part, b"not an array")
         refusal(other)
+
+
+HISTORY = History.from_rows([row(0, 0.0), row(1, np.inf)])
+
+
+def damaged_history(name: str, value: float | None) -> dict[str, Any]:
+    """The parts of a history with a number in place of the second row's, or without a column."""
+    column = HISTORY.columns.index(name)
+    if value is None:
+        columns = np.delete(HISTORY.columns, column)
+        return {"history": np.delete(HISTORY.values, column, 1), "history_columns": columns}
+    values = HISTORY.values.copy()
+    values[1, column] = value
+    return {**HISTORY.parts, "history": values}
+
+
+@pytest.mark.parametrize("value", [None, np.nan, -np.inf, -1.5], ids=str)
+@pytest.mark.parametrize("name", ["update", "dt", "newton_iterations", "rejected_iterations"])
+def test_a_history_with_a_wrong_count_or_step_is_refused(
+    path: Path, name: str, value: float | None
+) -> None:
+    np.savez(path, **{**parts_of(path), **damaged_history(name, value)})
+    assert "history" in refusal(path)
+
+
+@pytest.mark.parametrize("value", [None, np.nan, np.inf], ids=str)
+@pytest.mark.parametrize("name", ["C", "C_q1", "q2", "V", "width", "seconds"])
+def test_a_history_with_a_wrong_number_or_without_a_column_is_refused(
+    path: Path, name: str, value: float | None
+) -> None:
+    np.savez(path, **{**parts_of(path), **damaged_history(name, value)})
+    assert "history" in refusal(path)
+
+
+def test_a_history_with_a_column_twice_is_refused(path: Path) -> None:
+    columns = np.array(["C" if name == "V" else name for name in HISTORY.columns])
+    np.savez(path, **{**parts_of(path), "history_columns": columns})
+    assert "history" in refusal(path)
+
+
+WRONG_NOTES = {
+    "q": [None, "2", [None, 1], [np.nan, 1.0], [1.0], [1, 2, 3], {"a": 1}, [[1], [2]], True],
+    "converged": ["yes", 1, None],
+    "falling_directions": ["many", 1.5, [1]],
+    "start": [3, None, ["column"]],
+    "failed": [3, None, {}],
+    "stopped": [False],
+}
+
+
+@pytest.mark.parametrize(
+    ("note", "wrong"), [(note, wrong) for note, all_ in WRONG_NOTES.items() for wrong in all_]
+)
+def test_a_design_with_a_wrong_note_is_refused(path: Path, note: str, wrong: Any) -> None:
+    np.savez(path, **{**parts_of(path), "info": json.dumps({note: wrong})})
+    assert f"the note {note}" in refusal(path)
+
+
+def test_notes_cannot_tell_a_terminal_what_to_do(path: Path) -> None:
+    notes = {"start": "\x1b[2J\x1b]0;owned\x07" + "x" * 5000, "failed": "a\nb\u202e"}
+    np.savez(path, **{**parts_of(path), "info": json.dumps(notes)})
+    read = Design.load(path).info
+    assert read["start"].startswith("?[2J?]0;owned?xxx")
+    assert len(read["start"]) == 300
+    assert read["failed"] == "a b?"
+
+
+@pytest.mark.parametrize("values", [np.full((5, 4), 1j), np.full((5, 4), "1"), [[1], [1, 2]]])
+def test_an_array_that_is_not_real_is_no_design(values: Any) -> None:
+    with pytest.raises(ProblemError, match="finite real numbers"):
+        Design(PROBLEM, values)
+    with pytest.raises(ProblemError, match="finite real numbers"):
+        Design.from_function(PROBLEM, lambda x, y: values)
+
+
+# -- files without an end -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("where", ["a pipe", "/dev/zero", "/dev/null"])
+def test_what_is_no_regular_file_is_not_read(tmp_path: Path, where: str) -> None:
+    path = Path(where)
+    if where == "a pipe":
+        path = tmp_path / "pipe"
+        os.mkfifo(path)
+    assert "not a regular file" in refusal(path)
+    with pytest.raises(ProblemError, match="not a regular file"):
+        read_text(str(path))
+
+
+def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
+    large = tmp_path / "large.npz"
+    with large.open("wb") as file:
+        file.truncate(10**12)
+    assert "larger than 500 MB" in refusal(large)
+    with pytest.raises(ProblemError, match="larger than 20 MB"):
+        read_text(str(large))
+
+
+def test_a_file_of_exactly_the_limit_is_read(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"12345")
+    assert read_bounded(tmp_path / "x", 5) == b"12345"
+    with pytest.raises(OSError, match="larger"):
+        read_bounded(tmp_path / "x", 4)
+
+
+def test_an_archive_that_unpacks_to_too_much_is_not_unpacked(path: Path) -> None:
+    archive = zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED)
+    with archive, archive.open("bomb.npy", "w", force_zip64=True) as file:
+        for _ in range(12):
+            file.write(bytes(100_000_000))
+    assert path.stat().st_size < 2_000_000
+    tracemalloc.start()
+    try:
+        assert "unpacks to 1200 MB, more than 500 MB" in refusal(path)
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_long_text_in_a_design_file_is_not_taken_apart(path: Path) -> None:
+    np.savez_compressed(path, **{**parts_of(path), "info": "[" * 1_000_001})
+    assert "info" in refusal(path)
 
 
 def test_a_design_whose_problem_is_not_valid_is_refused(path: Path) -> None:

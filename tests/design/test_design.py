@@ -15,6 +15,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import BSpline
 
 from ngspring import ControlPoint, Design, History, NgspringError, ProblemError, SpringProblem
+from ngspring.design.history import Row
 
 KINEMATICS = ("plane strain", "axisymmetric")
 POINTS = (ControlPoint(10, 2), ControlPoint(-20, -4))
@@ -364,12 +365,33 @@ JSON = st.recursive(
 )
 
 
+#: Force of the only control point, or its offset.
+FORCE = st.floats(-1e6, 1e6).map(lambda q: round(q, 3))
+NUMBER = st.floats(allow_nan=False, allow_infinity=False)
+COUNT = st.integers(0, 1000)
+ROWS = st.builds(
+    lambda counts, dt, numbers: Row(
+        *(counts[0], dt, *counts[1:], *numbers[:2], {"volume": numbers[2]}, (numbers[3],)),
+        *((numbers[4],), *numbers[5:]),
+    ),
+    st.tuples(COUNT, COUNT, COUNT, COUNT),
+    st.floats(0.0),
+    st.tuples(*8 * [NUMBER]),
+)
+NOTES: dict[str, Any] = {
+    "start": st.text(max_size=300).filter(str.isprintable).map(lambda text: " ".join(text.split())),
+    "q": st.lists(NUMBER, min_size=1, max_size=1),
+    "converged": st.booleans(),
+    "falling_directions": COUNT,
+}
+
+
 @st.composite
 def designs(draw: st.DrawFn) -> Design:
-    positive = st.floats(1e-3, 1e6)
+    positive = st.floats(1e-3, 1e3)
     problem = SpringProblem(
-        (ControlPoint(draw(st.floats(1e-4, 9e-4)), draw(FINITE), eta=draw(FINITE)),),
-        name=draw(st.text()),
+        (ControlPoint(draw(st.floats(1e-4, 9e-4)), draw(FORCE), eta=draw(FORCE)),),
+        name=draw(st.text(max_size=200).filter(str.isprintable)),
         kinematics=draw(st.sampled_from(sorted(KINEMATICS))),
         domain=draw(st.sampled_from(["quarter", "full"])),
         elements=2 * draw(st.integers(2, 8)),
@@ -382,10 +404,9 @@ def designs(draw: st.DrawFn) -> Design:
     coefficients = draw(hnp.arrays(float, problem.coefficient_shape, elements=any_number))
     history = None
     if draw(st.booleans()):
-        columns = tuple(draw(st.lists(st.sampled_from("abcdefgh"), min_size=1, unique=True)))
-        shape = (draw(st.integers(1, 4)), len(columns))
-        history = History(columns, draw(hnp.arrays(float, shape, elements=st.floats())))
-    info = draw(st.dictionaries(st.text(), JSON, max_size=4))
+        history = History.from_rows(draw(st.lists(ROWS, min_size=1, max_size=4)))
+    info = draw(st.dictionaries(st.text().filter(lambda key: key not in NOTES), JSON, max_size=4))
+    info |= draw(st.fixed_dictionaries({}, optional=NOTES))
     return Design(problem, coefficients, history, info)
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from ngspring.basics.errors import ConvergenceError, NgspringError, ProblemError
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.point import ControlPoint
+from ngspring.problem.scaling import scaled
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.toml import FURTHER_KEYS
 
@@ -25,6 +26,7 @@ settings.load_profile("no deadline")
 POINTS = (ControlPoint(10, 2), ControlPoint(-10, -2), ControlPoint(-20, -4))
 POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
 NON_NEGATIVE = ("k_r", "p", "k_rho", "k_i", "k_H")
+NAMES = st.text(max_size=200).filter(str.isprintable)
 NUMBERS = (*POSITIVE, *NON_NEGATIVE, "E_0", "n")
 
 
@@ -34,21 +36,22 @@ def finite(low: float | None = None, **bounds: Any) -> st.SearchStrategy[float]:
 
 @st.composite
 def problems(draw: st.DrawFn) -> SpringProblem:
-    values: dict[str, Any] = {name: draw(finite(0.0, exclude_min=True)) for name in POSITIVE}
-    values |= {name: draw(finite(0.0)) for name in NON_NEGATIVE}
-    H = values["H"] = draw(finite(1e-3))
-    displacements = finite(-H, max_value=H, exclude_min=True, exclude_max=True).filter(bool)
+    values: dict[str, Any] = {name: draw(st.floats(0.1, 100.0)) for name in POSITIVE}
+    values |= {name: draw(st.just(0.0) | st.floats(1e-12, 1e9)) for name in NON_NEGATIVE}
+    H, offsets = values["H"], st.floats(1e-9, 1e9) | st.floats(-1e9, -1e-9) | st.just(0.0)
+    shares = st.floats(1e-5, 1.0, exclude_max=True) | st.floats(-1.0, -1e-5, exclude_min=True)
+    forces = st.floats(-1e3, 1e3).map(lambda q: round(q, 3))
     points = st.builds(
-        ControlPoint, displacements, finite(), finite(0.0, exclude_min=True), finite()
+        ControlPoint, shares.map(lambda share: share * H), forces, st.floats(1e-9, 1e9), offsets
     )
     return SpringProblem(
         tuple(draw(st.lists(points, min_size=1, max_size=5, unique_by=lambda c: (c.d, c.eta)))),
-        name=draw(st.text()),
+        name=draw(NAMES),
         kinematics=draw(st.sampled_from(["plane strain", "axisymmetric"])),
         domain=draw(st.sampled_from(["quarter", "full"])),
         elements=2 * draw(st.integers(2, 1000)),
-        E_0=draw(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True)),
-        n=draw(finite(2.0)),
+        E_0=draw(st.floats(1e-15, 1.0, exclude_max=True)),
+        n=draw(st.floats(2.0, 20.0)),
         **values,
     )
 
@@ -220,8 +223,62 @@ def test_any_other_text_is_no_kinematics(value: str) -> None:
     assert message.startswith("kinematics = ")
 
 
-def test_name_that_cannot_be_stored_is_refused() -> None:
-    assert "UTF-8" in refused("name", "\ud800")
+@pytest.mark.parametrize("name", ["\ud800", "a\nb", "\x1b[31mred", "\u202egnp.exe", 3, None])
+def test_a_name_that_cannot_be_shown_is_refused(name: Any) -> None:
+    assert "printable" in refused("name", name)
+
+
+def test_a_name_is_of_bounded_length() -> None:
+    assert SpringProblem(POINTS, name="x" * 200).name
+    message = message_of(SpringProblem, POINTS, name="x" * 201)
+    assert "at most 200 characters" in message
+    assert len(message) < 300
+
+
+# Numbers that double precision cannot compute with
+
+
+@pytest.mark.parametrize("value", [1e200, 1e-300, 5e-324, 1e30, 1e-30])
+@pytest.mark.parametrize("field", POSITIVE)
+def test_a_size_or_stiffness_that_overflows_is_refused(field: str, value: float) -> None:
+    assert "double precision" in refused(field, value)
+
+
+@pytest.mark.parametrize("value", [1e200, -1e200, 1e-300, 5e-324, 1e30, -1e-30])
+@pytest.mark.parametrize("field", ["d", "q", "weight", "eta"])
+def test_a_control_point_far_from_the_spring_is_refused(field: str, value: float) -> None:
+    values = {"d": 10.0, "q": 2.0, field: abs(value) if field in ("d", "weight") else value}
+    if value not in (1e30, -1e-30) or field != "weight":
+        message = message_of(SpringProblem, [ControlPoint(**values)])
+        assert message.startswith(f"control_points[0].{field} = ")
+
+
+@pytest.mark.parametrize("name", ["k_rho", "k_i", "k_H"])
+def test_weights_that_overflow_are_refused_and_those_that_vanish_are_not(name: str) -> None:
+    assert "double precision" in refused(name, 1e200)
+    assert getattr(SpringProblem(POINTS, **{name: 1e-300}), name) == 1e-300
+
+
+@pytest.mark.parametrize("length", [1e-5, 1.0, 1e4])
+@pytest.mark.parametrize("stress", [1e-6, 1.0, 1e6])
+def test_every_spring_from_micrometres_and_pascals_to_kilometres_and_terapascals_is_accepted(
+    length: float, stress: float
+) -> None:
+    for similar in (SpringProblem(POINTS), SpringProblem(POINTS, kinematics="axisymmetric")):
+        scaled(similar, length=length, stress=stress)
+    # Also without any thought for the other numbers.
+    points = [ControlPoint(10 * length, 2.0 * stress * length**2)]
+    SpringProblem(
+        points, L=100 * length, H=100 * length, T=length, K=2 * stress, G=stress, l_i=length
+    )
+
+
+def test_elements_and_control_points_are_bounded() -> None:
+    for elements in (2002, 10**9, 10**400):
+        assert "4 to 2000" in message_of(SpringProblem, POINTS, elements=elements)
+    points = [ControlPoint(0.01 * k, 1.0) for k in range(1, 1002)]
+    assert "at most 1000" in message_of(SpringProblem, points)
+    assert len(SpringProblem(points[:1000]).control_points) == 1000
 
 
 # Bad control points

@@ -292,6 +292,8 @@ def _curve(
     branch: str | None,
     stress: bool = False,
 ) -> TargetCurve:
+    d = _without_rounding(d, height, "d")
+    q = _without_rounding(q, float(np.abs(q).max()), "q")
     if not (d != 0.0).any():
         raise ProblemError("the curve has no point with d different from zero")
     far = np.abs(d).max()
@@ -313,6 +315,21 @@ def _curve(
             " has no force at d = 0, so the curve is bent to it there; shift the zero of d"
         )
     return TargetCurve(d, q, tuple(remarks))
+
+
+def _without_rounding(values: FloatArray, unit: float, name: str) -> FloatArray:
+    """Numbers, with zeros in place of what is nothing but rounding beside a unit.
+
+    Raises
+    ------
+    ProblemError
+        If one is too large, or all are too small, to compute with.
+    """
+    size = np.abs(values)
+    largest = float(size.max())
+    if not (largest == 0.0 or 1e-30 < largest < 1e30):
+        raise ProblemError(f"the curve goes to {name} = {largest:g}: this cannot be computed with")
+    return np.where(size > 1e-12 * unit, values, 0.0)
 
 
 def read_curve(

@@ -9,6 +9,7 @@ Needs `svgelements` (the extra ``svg``).
 from __future__ import annotations
 
 import io
+import re
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.curves.table import chosen_specimen
 
-#: Points on each segment (a line, an arc, a cubic) of the path.
+#: Points on each segment (a line, an arc, a cubic) of the path, fewer of more than 300 segments.
 _PER_SEGMENT = 64
+_POINTS, MOST_SEGMENTS, LONGEST_TEXT = 20_000, 10_000, 2_000_000
 
 
 def parse_drawing(
@@ -52,6 +54,13 @@ def parse_drawing(
         import svgelements
     except ImportError:
         raise ProblemError("a drawn curve needs svgelements: pip install 'ngspring[svg]'") from None
+    if len(text) > LONGEST_TEXT:
+        raise ProblemError(
+            f"the drawing has more than {LONGEST_TEXT} characters: leave in it the curve only"
+        )
+    if re.search(r"<(\w+:)?use\b", text):
+        # Clones of clones would be as many as one likes.
+        raise ProblemError("the drawing holds clones (<use>): unlink them, or draw the curve only")
     try:
         drawing = svgelements.SVG.parse(io.StringIO(text))
         shapes = list(drawing.elements())
@@ -76,6 +85,8 @@ def parse_drawing(
     if not (left < right and top < bottom):
         raise ProblemError("the drawing has no page size: draw a rectangle around the axes")
     points = _sampled(curve)
+    if not np.isfinite([*points.ravel(), right - left, bottom - top]).all():
+        raise ProblemError("the drawing has coordinates that are too large to compute with")
     x = (points[:, 0] - left) / (right - left)
     y = (bottom - points[:, 1]) / (bottom - top)
     return (
@@ -90,7 +101,7 @@ def _edges(svgelements: Any, drawing: Any, frames: list[Any]) -> tuple[float, fl
         left, top, right, bottom = frames[0].bbox()
         return float(left), float(top), float(right), float(bottom)
     box = drawing.viewbox
-    if box is None or box.x is None:
+    if box is None or None in (box.x, box.y, box.width, box.height):
         return 0.0, 0.0, float(drawing.width or 0.0), float(drawing.height or 0.0)
     # The page may be larger than the view box where their proportions differ.
     matrix = svgelements.Matrix(drawing.viewbox_transform)
@@ -102,11 +113,17 @@ def _edges(svgelements: Any, drawing: Any, frames: list[Any]) -> tuple[float, fl
 def _sampled(path: Any) -> FloatArray:
     """Points along a path, (n, 2), transformations applied."""
     path.reify()
+    if len(path) > MOST_SEGMENTS:
+        raise ProblemError(
+            f"the path of the drawing has {len(path)} segments, more than {MOST_SEGMENTS}: simplify"
+            " it (in Inkscape: Path, Simplify)"
+        )
+    each = min(_PER_SEGMENT, _POINTS // len(path)) if len(path) else 0
     points: list[tuple[float, float]] = []
     for segment in path:
         if type(segment).__name__ in ("Move", "Close"):
             continue
-        for t in np.linspace(0.0, 1.0, _PER_SEGMENT + 1)[bool(points) :]:
+        for t in np.linspace(0.0, 1.0, each + 1)[bool(points) :]:
             point = segment.point(float(t))
             points.append((float(point.x), float(point.y)))
     if not points:
