@@ -35,7 +35,7 @@ _OURS = ".ngspring-"
 
 
 @contextlib.contextmanager
-def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
+def replacing(path: PathLike, level: int = logging.INFO, archive: bool = False) -> Iterator[Path]:
     """A temporary name in the folder of ``path`` that takes its place if the block succeeds.
 
     Parameters
@@ -43,6 +43,8 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
     path : path
     level : int
         That the file was written is logged at this level.
+    archive : bool
+        Whether a design or another .npz is written: nothing else takes the place of one.
 
     Raises
     ------
@@ -52,6 +54,10 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
     path = Path(path)
     if os.path.exists(path) and not os.path.isfile(path):
         raise RunFolderError(f"cannot write {path}: it exists and is not a regular file")
+    if not archive and holds_archive(path):
+        raise RunFolderError(
+            f"cannot write {path}: it holds a design or another archive, choose another name"
+        )
     try:
         handle, name = tempfile.mkstemp(
             prefix=f"{_OURS}{os.getpid()}-", suffix=path.suffix, dir=path.parent
@@ -73,6 +79,20 @@ def replacing(path: PathLike, level: int = logging.INFO) -> Iterator[Path]:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def holds_archive(path: PathLike) -> bool:
+    """Whether a regular file is a .npz, or another zip archive."""
+    try:
+        with open(path, "rb", opener=_at_once) as file:
+            return file.read(4) == b"PK\3\4"
+    except (OSError, ValueError):
+        return False
+
+
+def _at_once(name: str, flags: int) -> int:
+    """Open a file; a pipe that nobody writes to would keep us waiting."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def remove_leftovers(folder: Path) -> None:
@@ -111,19 +131,14 @@ def read_bounded(path: PathLike, most: int) -> bytes:
     OSError
         If it cannot be read, is larger, or is a pipe or a device, which may never end.
     """
-
-    def at_once(name: str, flags: int) -> int:
-        # A pipe that nobody writes to would keep us waiting.
-        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
-
-    with open(path, "rb", opener=at_once) as file:
+    with open(path, "rb", opener=_at_once) as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is not a regular file")
         # Some regular files of the system say that they are empty.
         end = min(max(status.st_size, 1_000_000), most) + 1
-        content = file.read(end)
-    if len(content) == end:
+        content = file.read(end) if status.st_size <= most else b""
+    if status.st_size > most or len(content) == end:
         raise OSError(errno.EFBIG, f"it is larger than {most / 1e6:g} MB")
     return content
 
@@ -188,7 +203,7 @@ def write_arrays(path: PathLike, arrays: Mapping[str, Any], level: int = logging
         if value.dtype.hasobject:
             raise TypeError(f"{name} would need pickle")
     np.savez_compressed(buffer, **converted)  # type: ignore[arg-type]
-    with replacing(path, level) as temporary:
+    with replacing(path, level, archive=True) as temporary:
         temporary.write_bytes(buffer.getvalue())
 
 
@@ -250,8 +265,8 @@ def reading_arrays(
         raise DesignFileError(f"cannot read {path}: {error.strerror or error}") from error
     except Exception as error:
         # NumPy, zipfile and zlib raise many kinds of errors on what is damaged.
-        what = f"{path} does not hold a valid {kind}"
-        raise DesignFileError(f"{what}: {error or type(error).__name__}") from error
+        what = error or type(error).__name__
+        raise DesignFileError(f"{path} is not a valid {kind} file: {what}") from error
 
 
 def _unpacked(content: bytes, refusal: str) -> dict[str, NDArray[Any]]:

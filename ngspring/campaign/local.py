@@ -17,6 +17,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
+from ngspring.basics.quiet import warnings_logged
 from ngspring.campaign.outcome import Outcome
 from ngspring.campaign.plan import Run
 from ngspring.campaign.workers import Death, News, execute
@@ -131,5 +132,5 @@ def _work(run: Run, out: Path, threads: int, pipe: Connection) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGTERM, stop)
     # Without the campaign's process there is nobody to tell: then the run ends, to be resumed.
-    with contextlib.suppress(OSError, KeyboardInterrupt):
+    with warnings_logged(), contextlib.suppress(OSError, KeyboardInterrupt):
         pipe.send(execute(run, out, threads, pipe.send))

@@ -80,7 +80,7 @@ class Outcome:
             status,
             message,
             start,
-            tuple(map(float, design.info.get("q", ()))),
+            tuple(design.info.get("q", ())),
             design.relative_width,
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
@@ -95,6 +95,7 @@ def finished(run: Run, out: Path) -> Outcome | None:
         design = Design.load(out / run.name / DESIGN)
     except DesignFileError:
         return None
-    if design.problem != run.problem or design.info.get("converged") is not True:
+    same = design.problem.equals_but_for_name(run.problem)
+    if not same or design.info.get("converged") is not True:
         return None
     return Outcome.of_design(run, design, CONVERGED, "")

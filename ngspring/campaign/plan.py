@@ -32,9 +32,10 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 
-from ngspring.basics.checks import nearest, shown
+from ngspring.basics.checks import nearest, printable, shown
 from ngspring.basics.errors import NgspringError, ProblemError
 from ngspring.basics.files import read_text
+from ngspring.design.notes import LONGEST_NOTE
 from ngspring.problem.cases import get_case
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
@@ -55,7 +56,7 @@ KEYS = (
 STARTS = ("column", "random", "design:PATH", "run:NAME")
 MOST_RUNS = 10_000
 LONGEST_NAME = 200
-RESERVED = ("results.csv", "results.json")
+RESERVED = ("results.csv", "results.json", "report.html")
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class Run:
             return None
         text = self.start[len("design:") :]
         path = Path(text)
-        if path.suffix or path.parent != Path() or Path(self.folder, path).exists():
+        if path.suffix or path.parent != Path() or os.path.exists(Path(self.folder, path)):
             return str(Path(self.folder, path))
         return text
 
@@ -134,7 +135,7 @@ class Run:
         """Name of the start in the design's notes."""
         if self.start == "random":
             return f"random, seed {self.seed or 0}"
-        return self.start.replace(":", " ", 1)
+        return printable(self.start.replace(":", " ", 1), LONGEST_NOTE)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,7 +147,7 @@ class _Loop:
     def check_designs(self) -> None:
         """Complain about the designs to start from before anything is computed."""
         for run in self.waiting:
-            if run.design is not None and not (self.out / run.name / CHECKPOINT).exists():
+            if run.design is not None and not os.path.exists(self.out / run.name / CHECKPOINT):
                 try:
                     read_design(run.design)
                 except DesignFileError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -16,9 +15,7 @@ from ngspring.evolution.folder import CHECKPOINT, DESIGN, last_checkpoint, read_
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Observer, Update
-from ngspring.view.report import REPORT, write_report
-
-logger = logging.getLogger(__name__)
+from ngspring.view.report import REPORT, keep_report
 
 
 @dataclass(frozen=True)
@@ -81,17 +78,10 @@ def execute(run: Run, out: Path, threads: int, observer: Observer) -> Outcome:
         return Outcome(run, FAILED, one_line(str(error)))
     except Exception as error:
         return Outcome(run, FAILED, one_line(f"{type(error).__name__}: {error}"))
-    _report(out / run.name)
+    folder = out / run.name
+    keep_report(lambda: read_run(folder, ended=True), folder / REPORT)
     status = CONVERGED if result.converged else NOT_CONVERGED
     return Outcome.of_design(run, result.design, status, one_line(result.message))
-
-
-def _report(folder: Path) -> None:
-    """Close a run with its report; one that cannot be written is no reason to fail."""
-    try:
-        write_report(read_run(folder, ended=True), folder / REPORT)
-    except NgspringError as error:
-        logger.warning("no report of the run: %s", error)
 
 
 def _start(run: Run, out: Path) -> Design | None:
@@ -99,7 +89,8 @@ def _start(run: Run, out: Path) -> Design | None:
     folder = out / run.name
     if (folder / CHECKPOINT).exists():
         checkpoint = last_checkpoint(folder)
-        if checkpoint.problem == run.problem and checkpoint.start != run.start_name:
+        same = checkpoint.problem.equals_but_for_name(run.problem)
+        if same and checkpoint.start != run.start_name:
             raise RunFolderError(
                 f"{folder} holds an unfinished run from {checkpoint.start}, not from"
                 f" {run.start_name}: give this one another name, or remove the folder"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.resources import as_file, files
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import click
 from ngspring.analysis.response import load_displacement
 from ngspring.basics.errors import DesignFileError
 from ngspring.cli.arguments import displacements_between
-from ngspring.cli.options import OK, incomplete, threads_option
+from ngspring.cli.options import MOST_POINTS, OK, Finite, FiniteRange, incomplete, threads_option
 from ngspring.design.gallery import gallery
 from ngspring.design.snapshots import Snapshots
 from ngspring.evolution.folder import DESIGN, SNAPSHOTS, read_design
@@ -33,16 +34,16 @@ KINDS = ("deformation", "evolution")
     type=click.Path(path_type=Path, dir_okay=False),
     help="Film, .gif or .mp4 (with ffmpeg); beside the design by default, with its name.",
 )
-@click.option("--from", "low", type=float, help="First displacement d in mm.")
-@click.option("--to", "high", type=float, help="Last displacement d in mm.")
+@click.option("--from", "low", type=Finite(), help="First displacement d in mm.")
+@click.option("--to", "high", type=Finite(), help="Last displacement d in mm.")
 @click.option(
     "--points",
-    type=click.IntRange(min=2),
+    type=click.IntRange(min=2, max=MOST_POINTS),
     default=41,
     show_default=True,
     help="Displacements of the deformation.",
 )
-@click.option("--fps", type=click.FloatRange(min=0.5, max=50), help="States per second.")
+@click.option("--fps", type=FiniteRange(min=0.5, max=50), help="States per second.")
 @threads_option
 def animate_command(
     name: str,
@@ -95,11 +96,11 @@ def read_snapshots(text: str) -> tuple[Snapshots, Path]:
         If there are none, or they cannot be read.
     """
     path = Path(text)
-    if path.is_dir():
+    if os.path.isdir(path):
         path = path / SNAPSHOTS
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise DesignFileError(f"there are no snapshots of a run in {text}: no {SNAPSHOTS}")
-    if path.suffix or path.parent != Path() or path.exists():
+    if path.suffix or path.parent != Path() or os.path.exists(path):
         return Snapshots.load(path), path
     if text not in gallery:
         # The message of a missing design names the nearest one.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -38,7 +39,9 @@ def read_problem(
             f" ngspring targets {shlex.quote(text)} --write mine.toml"
         )
     is_case = text.strip().upper() in cases
-    if not is_case and (path.suffix.lower() == ".toml" or path.parent != Path() or path.is_file()):
+    if not is_case and (
+        path.suffix.lower() == ".toml" or path.parent != Path() or os.path.isfile(path)
+    ):
         problem = SpringProblem.from_toml(path, notes=notes, targets_anywhere=targets_anywhere)
         return (problem if problem.name else problem.replace(name=path.stem)), path.stem
     problem = get_case(text)

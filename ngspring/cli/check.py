@@ -7,7 +7,7 @@ from rich.table import Table
 
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
-from ngspring.cli.options import FAILED, OK, UNSOUND, threads_option
+from ngspring.cli.options import FAILED, OK, UNSOUND, Finite, threads_option
 from ngspring.cli.tables import make_console
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
@@ -22,14 +22,14 @@ from ngspring.view.text import deviation_percent
 @click.option("--gallery", "all_stored", is_flag=True, help="Check every stored design.")
 @click.option(
     "--tolerance",
-    type=float,
+    type=Finite(),
     default=1e-6,
     show_default=True,
     help="Largest residual of Eq. 8 relative to its terms.",
 )
 @click.option(
     "--force-tolerance",
-    type=float,
+    type=Finite(),
     default=0.1,
     show_default=True,
     help="Largest deviation of a force from its target in percent; a larger w_q makes it smaller.",

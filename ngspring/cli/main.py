@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from ngspring.basics.errors import ConvergenceError, NgspringError
+from ngspring.basics.quiet import warnings_logged
 from ngspring.basics.version import __version__
 from ngspring.cli.options import (
     BAD_INPUT,
@@ -21,7 +22,6 @@ from ngspring.cli.options import (
     NOT_CONVERGED,
     OK,
     complain,
-    log_to,
 )
 from ngspring.cli.signals import INTERRUPTED, leaving_at_once, terminated_as_interrupted
 from ngspring.cli.streams import tolerant_streams
@@ -75,7 +75,7 @@ class _LazyGroup(click.Group):
     def _outcome(self, *args: Any, **kwargs: Any) -> int:
         """The exit code; what went wrong is said."""
         try:
-            with terminated_as_interrupted():
+            with warnings_logged(), terminated_as_interrupted():
                 return super().main(*args, **kwargs) or OK
         except click.ClickException as error:
             return complain(error.format_message(), BAD_INPUT)
@@ -104,8 +104,6 @@ def cli(context: click.Context) -> None:
     level = logger.level
     logger.setLevel(logging.INFO)
     context.call_on_close(lambda: logger.setLevel(level))
-    # Without any handler Python would print warnings that the commands report themselves.
-    log_to(context, logging.NullHandler())
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 

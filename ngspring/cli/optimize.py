@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
+import os
 from pathlib import Path
 
 import click
 
 from ngspring.basics.checks import shown
-from ngspring.basics.errors import DesignFileError, NgspringError, ProblemError
+from ngspring.basics.errors import DesignFileError, ProblemError
 from ngspring.cli.arguments import command_line, read_problem
 from ngspring.cli.options import (
     NOT_CONVERGED,
     OK,
+    Finite,
     anywhere_option,
     complain,
     domain_option,
@@ -33,7 +34,7 @@ from ngspring.evolution.runstate import read_run
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.plausibility import check_targets
-from ngspring.view.report import REPORT, ReportWriter, write_report
+from ngspring.view.report import REPORT, ReportWriter, keep_report
 from ngspring.view.run_files import write_pictures
 
 
@@ -62,7 +63,7 @@ from ngspring.view.run_files import write_pictures
 @click.option("--resume", is_flag=True, help="Continue the run in the folder.")
 @threads_option
 @click.option("--max-updates", type=int, help="Stop after this many design updates in all.")
-@click.option("--dt-initial", type=float, help="First pseudo-time step.")
+@click.option("--dt-initial", type=Finite(), help="First pseudo-time step.")
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 @click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")
@@ -107,7 +108,7 @@ def optimize_command(
         for note in notes:
             click.echo(f"ngspring: note: {note}", err=True)
         _refuse_implausible(problem, anyway)
-    elif not (folder / CHECKPOINT).exists():
+    elif not os.path.exists(folder / CHECKPOINT):
         click.echo(f"there is no run in {folder} yet: it begins", err=True)
     start, start_name = _read_start(problem, initial, seed or 0)
     writers = (ReportWriter(folder / REPORT),) if report else ()
@@ -153,10 +154,9 @@ def optimize_command(
 
 def _interrupted(folder: Path, again: str) -> int:
     """Close a run after Ctrl-C with its report, and say how it goes on."""
-    if not (folder / CHECKPOINT).exists():
+    if not os.path.exists(folder / CHECKPOINT):
         return complain("interrupted before there was anything to save", INTERRUPTED)
-    with contextlib.suppress(NgspringError):
-        write_report(read_run(folder), folder / REPORT)
+    keep_report(lambda: read_run(folder), folder / REPORT)
     where = f"the last accepted design is saved in {folder}"
     click.echo(f"interrupted: {where}; resume with: {again}", err=True)
     return INTERRUPTED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,23 +11,31 @@ from typing import Any, TypeVar
 
 import click
 
+from ngspring.basics.checks import printable, shown
 from ngspring.basics.errors import NgspringError
+from ngspring.basics.files import holds_archive
 from ngspring.problem.sector import DOMAINS
 
+#: Displacements that an analysis is asked for.
+MOST_POINTS = 10_000
+
 OK, FAILED, BAD_INPUT, NOT_CONVERGED, UNSOUND = 0, 1, 2, 3, 4
+
+#: Characters of a line that says what is wrong.
+_LONGEST_LINE = 300
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def complain(message: str, code: int) -> int:
-    """Say in one line on stderr what is wrong, and hand the exit code on."""
-    click.echo(f"ngspring: error: {' '.join(message.split())}", err=True)
+    """Say in one short line on stderr what is wrong, and hand the exit code on."""
+    click.echo(printable(f"ngspring: error: {message}", _LONGEST_LINE), err=True)
     return code
 
 
 def incomplete(message: str) -> int:
     """Say on stderr why a result is not all that was asked for; the exit code."""
-    click.echo(f"incomplete: {message}", err=True)
+    click.echo(printable(f"incomplete: {message}", _LONGEST_LINE), err=True)
     return NOT_CONVERGED
 
 
@@ -36,6 +45,21 @@ def unsound(flaw: str) -> int:
         return OK
     click.echo(f"converged, but {flaw}: try more elements and a smaller l_i", err=True)
     return UNSOUND
+
+
+class Finite(click.types.FloatParamType):
+    """A finite number."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number that a text stands for, or a click.BadParameter."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{shown(value)} is not a finite number", param, ctx)
+        return number
+
+
+class FiniteRange(click.FloatRange, Finite):
+    """A finite number between bounds, which NaN would slip through."""
 
 
 domain_option = click.option(
@@ -62,14 +86,14 @@ solver_option = click.option(
 )
 offset_option = click.option(
     "--offset",
-    type=float,
+    type=Finite(),
     default=0.0,
     show_default=True,
     help="Move the surface outwards by this many mm on average first.",
 )
 across_option = click.option(
     "--elements-across",
-    type=click.IntRange(min=1),
+    type=click.IntRange(min=1, max=100),
     default=4,
     show_default=True,
     help="Fewest elements across a wall.",
@@ -85,7 +109,7 @@ def points_option(default: int) -> Callable[[Command], Command]:
     """``--points N``: displacements on the load path."""
     return click.option(
         "--points",
-        type=click.IntRange(min=2),
+        type=click.IntRange(min=2, max=MOST_POINTS),
         default=default,
         show_default=True,
         help="Displacements between the outermost control points (which are added, and zero).",
@@ -104,7 +128,7 @@ class _StderrHandler(logging.Handler):
 
 def log_to(context: click.Context, handler: logging.Handler) -> None:
     """Let a handler have what is logged until the program ends."""
-    logger = logging.getLogger("ngspring")
+    logger = logging.getLogger()
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logger.addHandler(handler)
 
@@ -126,6 +150,8 @@ def _log_file(context: click.Context, _: click.Parameter, value: Path | None) ->
     if value is None:
         return
     try:
+        if holds_archive(value):
+            raise NgspringError(f"cannot write the log file {value}: it holds a design or the like")
         log_to(context, logging.FileHandler(value, encoding="utf-8"))
     except OSError as error:
         raise NgspringError(f"cannot write the log file {value}: {error.strerror}") from error

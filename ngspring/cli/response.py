@@ -10,7 +10,7 @@ import numpy as np
 from ngspring.analysis.response import Response, load_displacement, response_csv
 from ngspring.basics.files import write_text
 from ngspring.cli.arguments import displacements_between, results_folder
-from ngspring.cli.options import OK, domain_option, incomplete, threads_option
+from ngspring.cli.options import MOST_POINTS, OK, Finite, domain_option, incomplete, threads_option
 from ngspring.evolution.folder import read_design
 from ngspring.view.curves import response_figure
 from ngspring.view.figure import save_figure
@@ -21,11 +21,11 @@ CURVE = "response"
 
 @click.command("response")
 @click.argument("name", metavar="DESIGN")
-@click.option("--from", "low", type=float, help="First displacement d in mm.")
-@click.option("--to", "high", type=float, help="Last displacement d in mm.")
+@click.option("--from", "low", type=Finite(), help="First displacement d in mm.")
+@click.option("--to", "high", type=Finite(), help="Last displacement d in mm.")
 @click.option(
     "--points",
-    type=click.IntRange(min=2),
+    type=click.IntRange(min=2, max=MOST_POINTS),
     default=41,
     show_default=True,
     help="Displacements over the range, its ends among them.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,7 +15,7 @@ from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import write_text
 from ngspring.basics.text import significant
 from ngspring.cli.arguments import read_problem
-from ngspring.cli.options import FAILED, OK, anywhere_option
+from ngspring.cli.options import FAILED, OK, Finite, anywhere_option
 from ngspring.cli.tables import make_console, new_table
 from ngspring.problem.annotated import annotated_toml
 from ngspring.problem.cases import cases
@@ -36,13 +37,13 @@ Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 
 @click.command("targets")
 @click.argument("curve", metavar="CURVE.csv|CURVE.svg|FILE.toml|CASE")
-@click.option("--length", "L", type=float, help="L in mm: across the load, or the diameter.")
-@click.option("--height", "H", type=float, help="H in mm: along the load.")
-@click.option("--thickness", "T", type=float, help="Out-of-plane thickness T in mm.")
+@click.option("--length", "L", type=Finite(), help="L in mm: across the load, or the diameter.")
+@click.option("--height", "H", type=Finite(), help="H in mm: along the load.")
+@click.option("--thickness", "T", type=Finite(), help="Out-of-plane thickness T in mm.")
 @click.option("--material", help="Elastomer by name, see `ngspring materials`.")
-@click.option("--shore-a", "shore_A", type=float, help="Hardness instead of E.")
-@click.option("--E", "E", type=float, help="Young's modulus in MPa.")
-@click.option("--nu", type=float, help="Poisson's ratio; 0.4 by default.")
+@click.option("--shore-a", "shore_A", type=Finite(), help="Hardness instead of E.")
+@click.option("--E", "E", type=Finite(), help="Young's modulus in MPa.")
+@click.option("--nu", type=Finite(), help="Poisson's ratio; 0.4 by default.")
 @click.option("--kinematics", type=click.Choice(list(KINEMATICS)), help="Plane strain by default.")
 @click.option("--elements", type=int, help="N of the N x N mesh; 80 by default.")
 @click.option("--points", type=click.IntRange(min=1), help="Number of control points to choose.")
@@ -203,9 +204,9 @@ def _check_writable(out: Path) -> None:
     """Raise ProblemError unless a new problem can have this name."""
     if out.suffix.lower() != ".toml":
         raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
-    if out.exists():
+    if os.path.exists(out):
         raise ProblemError(f"{out} exists already: choose another name, or remove it first")
-    if not out.parent.is_dir():
+    if not os.path.isdir(out.parent):
         raise ProblemError(
             f"--write {out} is not possible: there is no folder {out.parent}, make it first"
         )

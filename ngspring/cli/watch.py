@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
 import click
 
-from ngspring.basics.errors import DesignFileError, RunFolderError
-from ngspring.cli.options import OK
+from ngspring.basics.checks import printable
+from ngspring.basics.errors import DesignFileError, ProblemError, RunFolderError
+from ngspring.cli.options import OK, FiniteRange
+from ngspring.design.notes import LONGEST_NOTE
 from ngspring.evolution.folder import in_use, read_design
 from ngspring.evolution.runstate import RunState, campaign_runs, holds_run, read_run, stored_state
+from ngspring.problem.spring import LONGEST_NAME
 from ngspring.view.report import REPORT, write_index, write_report
 
-_SHORTEST = 0.2
+_SHORTEST, _LONGEST = 0.2, 86400.0
 
 
 @click.command("watch")
@@ -21,7 +25,7 @@ _SHORTEST = 0.2
 @click.option("--once", is_flag=True, help="Write the report once, even if the run goes on.")
 @click.option(
     "--interval",
-    type=click.FloatRange(min=_SHORTEST),
+    type=FiniteRange(_SHORTEST, _LONGEST),
     default=5.0,
     show_default=True,
     help="Seconds between two looks into the folder.",
@@ -35,12 +39,15 @@ def watch_command(name: str, once: bool, interval: float, out: Path | None) -> i
     """Write the report of a run, and again after every design update until the run ends.
 
     The report is one HTML file: design, curve, convergence, estimated time left. Open it in a
-    browser; it loads itself again while the run goes on. RUN is the folder of a run or of a
+    browser; it loads itself again while the run goes on. What it tells is what the run has stored;
+    nothing but volume and width is computed anew. RUN is the folder of a run or of a
     campaign (an index, and a report of each run). The report of a DESIGN, a file or the name of a
     stored one, is written once.
     """
+    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+        raise ProblemError(f"--out {out} must end with .html")
     folder = Path(name)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         return _write_design(name, out)
     if not holds_run(folder) and campaign_runs(folder):
         _watch_campaign(folder, out, once, interval)
@@ -131,9 +138,10 @@ def _refresh(interval: float) -> int:
 
 
 def _status_line(name: str, state: RunState | str) -> str:
+    name = printable(name, LONGEST_NAME)
     if isinstance(state, str):
-        return f"{name}: {state}"
+        return f"{name}: {printable(state, LONGEST_NOTE)}"
     history = state.design.history
     updates = "" if history is None else f" after {len(history) - 1} design updates"
     reason = f": {state.reason}" if state.reason else ""
-    return f"{name}: {state.status}{updates}{reason}"
+    return f"{name}: {state.status}{updates}{reason} (as stored)"

@@ -95,7 +95,7 @@ class Evolution:
         ProblemError
             If it is another problem's.
         """
-        if checkpoint.problem != self.problem:
+        if not checkpoint.problem.equals_but_for_name(self.problem):
             raise ProblemError(
                 "the checkpoint to resume from belongs to another problem"
                 f" ({checkpoint.problem.name or 'no name'}, {checkpoint.problem.elements} elements)"
@@ -116,6 +116,8 @@ class Evolution:
         self._system = CoupledSystem(self.problem, self._solver, threads)
         self._stepper = make_stepper(self._system, self._newton, self._rule)
         if design is None:
+            if self._state.u.shape[1] != self._system.free:
+                raise ProblemError("the checkpoint to resume from belongs to another mesh")
             return self._update(True, self._rows[-1].dt, resumed=True)
         self._state = initial_state(self._system, design)
         self._previous, self._dt_previous = self._state, 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import logging
 import os
 import shutil
@@ -136,14 +137,16 @@ def last_checkpoint(folder: Path) -> Checkpoint:
 def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpoint | None:
     """The checkpoint to resume in a run folder; None if there is no run yet.
 
+    It takes over the name of the problem, which may have been corrected.
+
     Raises
     ------
     RunFolderError
         If there is a run and not ``resume``, or it is another problem's, or has no checkpoint.
     """
     path = folder / CHECKPOINT
-    if not path.exists():
-        if (folder / DESIGN).exists():
+    if not os.path.exists(path):
+        if os.path.exists(folder / DESIGN):
             raise RunFolderError(
                 f"{folder} holds a design but no checkpoint to resume: choose another folder"
             )
@@ -153,11 +156,14 @@ def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpo
             f"{folder} holds a run already: resume it (--resume) or choose another folder"
         )
     checkpoint = last_checkpoint(folder)
-    if checkpoint.problem != problem:
+    if not checkpoint.problem.equals_but_for_name(problem):
         raise RunFolderError(
             f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
             f" {checkpoint.problem.elements} elements): choose another folder"
         )
+    if checkpoint.problem != problem:
+        checkpoint = dataclasses.replace(checkpoint, problem=problem)
+        checkpoint.save(path)
     return checkpoint
 
 
@@ -172,8 +178,9 @@ def read_design(text: str) -> tuple[Design, Path]:
         If there is no such design, or it cannot be read.
     """
     path = Path(text)
-    if path.is_dir():
+    # These functions say no where Path's methods raise, for names that are too long.
+    if os.path.isdir(path):
         path = path / DESIGN
-    if path.suffix or path.parent != Path() or path.exists():
+    if path.suffix or path.parent != Path() or os.path.exists(path):
         return Design.load(path), path
     return gallery[text], Path(f"{text}.npz")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -95,7 +96,7 @@ class SnapshotRecorder:
         return self.updates is None or update in self.updates
 
     def _stored(self, problem: SpringProblem) -> dict[int, NDArray[np.float16]]:
-        if not self.path.exists():
+        if not os.path.exists(self.path):
             return {}
         try:
             stored = Snapshots.load(self.path)
@@ -103,6 +104,6 @@ class SnapshotRecorder:
             # They are for pictures only: no reason to lose a run.
             logger.warning("%s; the snapshots begin anew", error)
             return {}
-        if stored.problem != problem:
+        if not stored.problem.equals_but_for_name(problem):
             return {}
         return dict(zip(map(int, stored.updates), stored.coefficients, strict=True))

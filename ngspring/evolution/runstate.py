@@ -7,6 +7,8 @@ is written here.
 from __future__ import annotations
 
 import csv
+import io
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +18,7 @@ import numpy as np
 from ngspring.analysis.states import Curve, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import DesignFileError, RunFolderError
-from ngspring.basics.files import PathLike
+from ngspring.basics.files import LARGEST_TEXT, PathLike, read_bounded, read_text
 from ngspring.design.design import Design
 from ngspring.design.soundness import flaw
 from ngspring.evolution.checkpoint import Checkpoint
@@ -103,20 +105,18 @@ class RunState:
 
 def forces_of(design: Design) -> list[float] | None:
     """Forces in N at the control points that came with a design; None without them."""
-    q = design.info.get("q")
-    right = isinstance(q, list) and len(q) == len(design.problem.control_points)
-    return [float(value) for value in q] if right and q is not None else None
+    return design.info.get("q")
 
 
 def holds_run(folder: Path) -> bool:
     """Whether a folder holds a checkpoint or a design."""
-    return (folder / CHECKPOINT).is_file() or (folder / DESIGN).is_file()
+    return os.path.isfile(folder / CHECKPOINT) or os.path.isfile(folder / DESIGN)
 
 
 def campaign_runs(folder: Path) -> list[Path]:
     """The folders of a campaign's runs that have begun, by name."""
     try:
-        return sorted(path for path in folder.iterdir() if path.is_dir() and holds_run(path))
+        return sorted(path for path in folder.iterdir() if holds_run(path))
     except OSError:
         return []
 
@@ -138,11 +138,11 @@ def read_run(folder: PathLike, ended: bool = False) -> RunState:
         If its checkpoint, or a design without one, cannot be read.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise RunFolderError(f"there is no run folder {folder}")
     path = folder / CHECKPOINT
-    if not path.is_file():
-        if (folder / DESIGN).is_file():
+    if not os.path.isfile(path):
+        if os.path.isfile(folder / DESIGN):
             return stored_state(Design.load(folder / DESIGN), folder)
         if in_use(folder):
             raise RunFolderError(f"the run in {folder} has no design yet: try again in a minute")
@@ -212,15 +212,16 @@ def _with_end(design: Design, folder: Path) -> Design:
     except DesignFileError:
         return design
     same = np.array_equal(written.coefficients, design.coefficients)
-    return written if same and written.problem == design.problem else design
+    return written if same and written.problem.equals_but_for_name(design.problem) else design
 
 
 def _curve(folder: Path, design: Design) -> StoredCurve | None:
     """The curve in response.csv, if it is that of this design."""
     try:
-        with (folder / RESPONSE).open(encoding="utf-8", newline="") as file:
-            rows = [(float(row["d"]), float(row["q"])) for row in csv.DictReader(file)]
-    except (OSError, KeyError, TypeError, ValueError, csv.Error):
+        text = read_text(str(folder / RESPONSE))
+        table = csv.DictReader(io.StringIO(text, newline=""))
+        rows = [(float(row["d"]), float(row["q"])) for row in table]
+    except (KeyError, TypeError, ValueError, csv.Error):
         return None
     if len(rows) < 2 or not np.isfinite(rows).all():
         return None
@@ -249,7 +250,7 @@ def _states(folder: Path) -> bytes | None:
     try:
         if picture.stat().st_mtime_ns < design.stat().st_mtime_ns:
             return None
-        content = picture.read_bytes()
+        content = read_bounded(picture, LARGEST_TEXT)
     except OSError:
         return None
     return content if content.startswith(b"\x89PNG") else None

@@ -138,7 +138,7 @@ class SpringProblem:
 
     def _check_elements(self) -> None:
         N: object = self.elements
-        right = f"an even integer from 4 to {MOST_ELEMENTS}"
+        right = f"an even integer of at least 4 and at most {MOST_ELEMENTS}"
         if isinstance(N, bool) or not isinstance(N, numbers.Integral):
             raise refused("elements", N, right)
         if not 4 <= int(N) <= MOST_ELEMENTS or N % 2:
@@ -280,6 +280,10 @@ class SpringProblem:
                         f"{name} belongs to the {self.law.name} law here: replace material"
                     )
         return dataclasses.replace(self, **changes)
+
+    def equals_but_for_name(self, other: SpringProblem) -> bool:
+        """Whether a problem is the same, whatever its name: that may be corrected."""
+        return self.replace(name=other.name) == other
 
     def to_toml(self) -> str:
         """Return the problem as TOML text, from which `from_toml` makes an equal problem."""

@@ -17,6 +17,7 @@ from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.figure import LINES, SMALL, new_figure
+from ngspring.view.text import picture_name, picture_text
 
 
 def response_figure(response: Response, problem: SpringProblem) -> Figure:
@@ -24,7 +25,7 @@ def response_figure(response: Response, problem: SpringProblem) -> Figure:
     figure = new_figure(5.0, 3.8)
     axes = figure.subplots()
     draw_curve(axes, response, problem)
-    title = "\n".join([problem.name or "spring", *textwrap.wrap(response.message, 70)])
+    title = "\n".join([picture_name(problem), *textwrap.wrap(response.message, 70)])
     axes.set_title(title, fontsize=10 if response.complete else SMALL)
     return figure
 
@@ -81,7 +82,7 @@ def draw_named_points(axes: Axes, name: str, points: Sequence[ControlPoint]) -> 
     axes.plot(*places, "o", markerfacecolor="0.8", markeredgecolor="black", markersize=5.5)
     last = max(points, key=lambda point: abs(point.d))
     axes.annotate(
-        name,
+        picture_text(name),
         (last.d, last.q),
         xytext=(math.copysign(7, last.d), 0),
         textcoords="offset points",

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from markupsafe import Markup
 
-from ngspring.basics.errors import RunFolderError
 from ngspring.basics.files import PathLike, write_text
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
@@ -58,6 +57,28 @@ def write_report(state: RunState | Design, path: PathLike, refresh: int = REFRES
     """
     state = stored_state(state) if isinstance(state, Design) else state
     write_text(path, report_page(state, refresh))
+
+
+def keep_report(read: Callable[[], RunState], path: PathLike) -> bool:
+    """Write the report of a run, or log why not: a report is no reason to lose anything.
+
+    Parameters
+    ----------
+    read : callable
+        Gives the state of the run.
+    path : path
+
+    Returns
+    -------
+    bool
+        Whether it was written.
+    """
+    try:
+        write_report(read(), path)
+    except Exception:  # also whatever a picture in it raises
+        logger.warning("the report %s was not written", path, exc_info=True)
+        return False
+    return True
 
 
 def report_page(state: RunState, refresh: int = REFRESH) -> str:
@@ -167,7 +188,7 @@ def _pictures(state: RunState, history: History | None) -> dict[str, Markup | No
     design, problem = state.design, state.design.problem
     forces, curve = state.forces, state.curve
     known = "The load-displacement curve and the" if curve is not None else "The"
-    caption = f"{known} forces at the control points against their targets."
+    caption = f"† {known} forces at the control points against their targets."
     if state.going_on:
         caption += " The whole curve is computed at the end of the run."
     elif curve is None:
@@ -200,7 +221,7 @@ def _pictures(state: RunState, history: History | None) -> dict[str, Markup | No
             state.states,
             "The design undeformed and deformed at each control point, and its"
             " load-displacement curve",
-            "The design undeformed and deformed at the control points.",
+            "† The design undeformed and deformed at the control points.",
         ),
     }
 
@@ -324,10 +345,6 @@ class ReportWriter:
         begin = time.monotonic()
         if not update.accepted or begin < self._next:
             return
-        try:
-            write_report(RunState(update.design, RUNNING, updated=time.time()), self.path)
-        except RunFolderError as error:
-            # A report is no reason to lose a run.
-            logger.warning("%s", error)
+        keep_report(lambda: RunState(update.design, RUNNING, updated=time.time()), self.path)
         end = time.monotonic()
         self._next = end + max(self.interval, 50 * (end - begin))

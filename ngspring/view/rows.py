@@ -18,7 +18,7 @@ from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import control_points_by_kind, draw_curve
 from ngspring.view.design import draw_design, draw_guides, ratio_text
 from ngspring.view.figure import SMALL, new_figure
-from ngspring.view.text import point_label
+from ngspring.view.text import picture_text, point_label
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def design_figure(design: Design, responses: Responses, curve: Response) -> Figu
         Points of the load-displacement curve.
     """
     problem = design.problem
-    name = problem.name or "design"
+    name = problem.name or "spring"
     panels = _state_panels(name, design, responses, problem.control_points)
     return rows_figure([Row(panels, problem, {"response": curve})], height=2.2)
 
@@ -158,7 +158,7 @@ def snapshots_figure(
     rows = []
     for name, designs in runs.items():
         panels = [
-            Panel(f"{name}, update {update}\n{ratio_text(design)}", design)
+            Panel(f"{picture_text(name)}, update {update}\n{ratio_text(design)}", design)
             for update, design in designs.items()
             if updates is None or update in updates or update == max(designs)
         ]
@@ -170,7 +170,7 @@ def _state_panels(
     name: str, design: Design, responses: Responses, points: Sequence[ControlPoint]
 ) -> list[Panel]:
     """The undeformed design, then its states at some control points."""
-    panels = [Panel(f"{name}\n{ratio_text(design)}", design)]
+    panels = [Panel(f"{picture_text(name)}\n{ratio_text(design)}", design)]
     for point in points:
         response = by_offset(responses).get(point.eta)
         index = None if response is None else index_of(response, point.d)

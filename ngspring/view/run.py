@@ -17,7 +17,7 @@ from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import draw_curve
 from ngspring.view.figure import LINES, SMALL, new_figure
-from ngspring.view.text import point_label, width_symbol
+from ngspring.view.text import picture_name, point_label, width_symbol
 
 
 def reached_figure(
@@ -63,7 +63,7 @@ def reached_figure(
     # The first designs are often far off: what counts is what is near the targets.
     axes.set_ylim(low - margin, high + margin)
     axes.legend(fontsize=SMALL, loc="upper left")
-    axes.set_title(f"{problem.name or 'spring'}: force against displacement", fontsize=10)
+    axes.set_title(f"{picture_name(problem)}: force against displacement", fontsize=10)
     return figure
 
 
@@ -148,7 +148,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
     figure.align_ylabels(list(axes))
     last_width = history.last().width
     figure.suptitle(
-        f"{problem.name or 'spring'}: {len(history) - 1} design updates,"
+        f"{picture_name(problem)}: {len(history) - 1} design updates,"
         f" {history.newton_iterations} Newton iterations,"
         f" {width_symbol(problem)} = {last_width:.4f}",
         fontsize=10,

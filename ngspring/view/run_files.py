@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from pathlib import Path
 
 from ngspring.analysis.response import response_csv
 from ngspring.analysis.states import at_control_points, control_point_responses, curve_displacements
+from ngspring.basics.checks import printable
 from ngspring.basics.files import write_text
 from ngspring.evolution.folder import DESIGN, HISTORY
 from ngspring.evolution.runstate import RESPONSE, STATES, read_run
@@ -16,6 +19,8 @@ from ngspring.view.rows import design_figure
 from ngspring.view.run import convergence_figure
 from ngspring.view.vtu import write_vtu
 
+logger = logging.getLogger(__name__)
+
 CONVERGENCE_PICTURE = "convergence.png"
 DESIGN_PICTURE = STATES
 DESIGN_VTU = "design.vtu"
@@ -24,26 +29,37 @@ DESIGN_VTU = "design.vtu"
 def write_pictures(result: Result, folder: Path, threads: int | None = None) -> list[str]:
     """Write convergence.png, design.png, design.vtu, response.csv and report.html.
 
+    One that cannot be written costs neither the others nor the run: why is logged.
+
     Returns
     -------
     list of str
-        Lines for the user: where a curve is incomplete, and which files are there.
-
-    Raises
-    ------
-    RunFolderError
-        If a file cannot be written.
+        Lines for the user: where a curve is incomplete, and which files are there or are not.
     """
     design, problem = result.design, result.design.problem
-    save_figure(convergence_figure(result.history, problem), folder / CONVERGENCE_PICTURE)
+    written, lines = [DESIGN, HISTORY], []
+
+    def attempt(name: str, write: Callable[[Path], object]) -> None:
+        try:
+            write(folder / name)
+            written.append(name)
+        except Exception as error:  # matplotlib may raise anything
+            logger.warning("%s was not written", folder / name, exc_info=True)
+            lines.append(printable(f"not written: {name}: {error}", 300))
+
     # The symmetric path is the same on the full domain, at ten times the cost.
     responses = control_point_responses(
         design, curve_displacements(design), domain="quarter", threads=threads
     )
-    save_figure(design_figure(design, responses, responses[0.0]), folder / DESIGN_PICTURE)
-    write_vtu(folder / DESIGN_VTU, design, at_control_points(responses, problem))
-    write_text(folder / RESPONSE, response_csv(responses[0.0]))
-    write_report(read_run(folder, ended=True), folder / REPORT)
-    lines = [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
-    names = (DESIGN, HISTORY, RESPONSE, CONVERGENCE_PICTURE, DESIGN_PICTURE, DESIGN_VTU, REPORT)
-    return [*lines, f"files in {folder}: {', '.join(names)}"]
+    lines += [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
+    curve = responses[0.0]
+    attempt(RESPONSE, lambda path: write_text(path, response_csv(curve)))
+    attempt(
+        CONVERGENCE_PICTURE,
+        lambda path: save_figure(convergence_figure(result.history, problem), path),
+    )
+    attempt(DESIGN_PICTURE, lambda path: save_figure(design_figure(design, responses, curve), path))
+    at_points = at_control_points(responses, problem)
+    attempt(DESIGN_VTU, lambda path: write_vtu(path, design, at_points))
+    attempt(REPORT, lambda path: write_report(read_run(folder, ended=True), path))
+    return [*lines, f"files in {folder}: {', '.join(written)}"]

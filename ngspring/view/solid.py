@@ -19,7 +19,7 @@ from ngspring.solid.mesh.body import Body
 from ngspring.solid.verification import Verification
 from ngspring.view.curves import draw_curve, draw_frame, draw_line, draw_named_points
 from ngspring.view.figure import SMALL, new_figure
-from ngspring.view.text import deviation_text
+from ngspring.view.text import deviation_text, picture_name
 
 _PIECES = 3
 #: Corners, then the points in between, of an element's outline in reference coordinates.
@@ -116,7 +116,7 @@ def verification_figure(verification: Verification) -> Figure:
     axes.legend(fontsize=SMALL, loc="upper left")
     found = deviation_text(*verification.largest_deviation)
     # On lines of their own: together they are wider than the picture.
-    axes.set_title(f"{problem.name or 'spring'}\nlargest deviation in force: {found}", fontsize=9)
+    axes.set_title(f"{picture_name(problem)}\nlargest deviation in force: {found}", fontsize=9)
     return figure
 
 
@@ -156,7 +156,7 @@ def contact_states_figure(verification: Verification) -> Figure:
         colours = LineCollection([], cmap="inferno_r")
         colours.set_clim(0, largest)
         figure.colorbar(colours, ax=list(panels), label="contact pressure [MPa]", shrink=0.75)
-    figure.suptitle(problem.name or "spring", fontsize=10)
+    figure.suptitle(picture_name(problem), fontsize=10)
     return figure
 
 

@@ -14,6 +14,7 @@ from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.view.design import draw_design, moved_grid
 from ngspring.view.figure import SMALL, new_figure
+from ngspring.view.text import picture_name
 
 _MODE = "#c03030"
 _COLOURS = {"solid": "black", "grey": "0.6", "void": "white"}
@@ -38,7 +39,7 @@ def stability_figure(design: Design, outcome: Stability) -> Figure:
     for panel, critical in zip(axes, outcome.critical, strict=False):
         _draw_critical(panel, design, critical, outcome.eta)
     _draw_eigenvalues(axes[-1], outcome)
-    figure.suptitle(design.problem.name or "spring", fontsize=10)
+    figure.suptitle(picture_name(design.problem), fontsize=10)
     return figure
 
 

@@ -4,8 +4,21 @@ from __future__ import annotations
 
 import math
 
+from ngspring.basics.checks import printable
 from ngspring.problem.point import ControlPoint, relative_deviation
 from ngspring.problem.spring import SpringProblem
+
+_LONGEST_NAME = 60
+
+
+def picture_text(name: str) -> str:
+    """A name in a picture: text of bounded length, in which matplotlib finds no mathematics."""
+    return printable(name, _LONGEST_NAME).replace("$", r"\$")
+
+
+def picture_name(problem: SpringProblem) -> str:
+    """The name of a problem in a picture."""
+    return picture_text(problem.name or "spring")
 
 
 def width_symbol(problem: SpringProblem) -> str:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from ngspring.solid.tolerance import Tolerance
 from ngspring.view.curves import draw_frame, draw_line
 from ngspring.view.figure import SMALL, new_figure
+from ngspring.view.text import picture_name
 
 
 def tolerance_figure(outcome: Tolerance) -> Figure:
@@ -45,7 +46,7 @@ def tolerance_figure(outcome: Tolerance) -> Figure:
         label="target",
     )
     axes.set_title(
-        f"{outcome.design.problem.name or 'spring'}: dashed thinner, dash-dotted thicker",
+        f"{picture_name(outcome.design.problem)}: dashed thinner, dash-dotted thicker",
         fontsize=10,
     )
     axes.legend(fontsize=SMALL, loc="upper left")

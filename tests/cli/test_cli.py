@@ -566,7 +566,7 @@ def test_bad_toml(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("optimize C7 --threads 0", "--threads"),
         ("optimize C7 --elements 12 --max-updates 0", "max_updates"),
         ("optimize C7 --elements 12 --dt-initial -1", "dt_initial"),
-        ("optimize C7 --elements 12 --dt-initial nan", "dt_initial"),
+        ("optimize C7 --elements 12 --dt-initial nan", "not a finite number"),
         ("optimise C7", "No such command"),
         ("--nonsense", "No such option"),
         ("--log-file no/folder/log cases", "cannot write the log file"),

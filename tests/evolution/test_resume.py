@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 import ngspring
 from ngspring import Design, DesignFileError, NgspringError, Result, RunFolderError
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.runstate import read_run
 
 PROBLEM = ngspring.cases["C4"].replace(elements=8, l_i=10.0)
 ROOT = Path(ngspring.__file__).parents[1]
@@ -258,10 +259,33 @@ def test_the_run_of_another_problem_is_not_resumed(folder: Path) -> None:
     for other in (
         PROBLEM.replace(elements=12),
         PROBLEM.replace(l_i=9.0),
-        PROBLEM.replace(name="other"),
         ngspring.cases["C5"].replace(elements=8, l_i=10.0),
     ):
         assert_refused(folder, "another problem", problem=other, resume=True)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_name_is_corrected_on_resume_and_everywhere_in_the_folder(
+    folder: Path, more: int
+) -> None:
+    renamed = PROBLEM.replace(name="costs $5 and $6")
+    result = resume(folder, renamed, max_updates=3 + more)
+    assert len(result.history) == 4 + more
+    assert result.design.problem.name == renamed.name
+    assert Design.load(folder / DESIGN).problem == renamed
+    assert Checkpoint.load(folder / CHECKPOINT).problem == renamed
+    assert read_run(folder).design.problem == renamed
+
+
+def test_a_checkpoint_of_another_mesh_is_refused(folder: Path) -> None:
+    """Its displacements fit each other, but not the mesh."""
+    parts = parts_of(folder / CHECKPOINT)
+    for name in ("state", "previous"):
+        for part in ("u", "lam"):
+            parts[f"{name}_{part}"] = parts[f"{name}_{part}"][:, 1:]
+    np.savez(folder / CHECKPOINT, **parts)
+    with pytest.raises(NgspringError, match="another mesh"):
+        resume(folder, max_updates=4)
 
 
 def test_a_folder_in_use_by_another_process_is_refused_and_free_after_its_death(

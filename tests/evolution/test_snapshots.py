@@ -53,7 +53,7 @@ def test_recorder_continues_a_resumed_run_and_replaces_another(
     assert sorted(Snapshots.load(path).designs()) == [0, 1, 4, 5]
     told(SnapshotRecorder(path, (0, 1, 4)), design, {0: True})
     assert sorted(Snapshots.load(path).designs()) == [0]
-    other = Design.column(small.replace(name="other"))
+    other = Design.column(small.replace(l_i=2 * small.l_i, name="other"))
     told(SnapshotRecorder(path, (0, 1, 4)), other, {7: True})
     assert sorted(Snapshots.load(path).designs()) == [7]
 
@@ -102,7 +102,7 @@ def test_damaged_snapshots_are_one_clear_error(tmp_path: Path, small: SpringProb
         (np.array([0]), np.zeros(shape, np.int64)),
     ):
         Snapshots(small, updates, chi).save(path)  # type: ignore[arg-type]
-        with pytest.raises(DesignFileError, match="does not hold valid snapshots"):
+        with pytest.raises(DesignFileError, match="is not a valid snapshots file"):
             Snapshots.load(path)
     gallery["C4"].save(path)
     with pytest.raises(DesignFileError, match="is not a snapshots file"):
