@@ -40,7 +40,7 @@ class Response:
     energy : array (points,)
         Strain energy in N mm; ``dE/dd = q``.
     stiffness : array (points,)
-        dq/dd in N/mm.
+        dq/dd in N/mm, to about 1e-5 of it.
     grey : array (points,)
         Share of the strain energy where the density is between 0.1 and 0.9.
     u : array (points, 2, ndof)

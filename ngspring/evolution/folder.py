@@ -111,7 +111,7 @@ def keep_previous(path: Path) -> None:
         If it cannot be written.
     """
     if path.exists():
-        with replacing(path.with_name(PREVIOUS), logging.DEBUG) as temporary:
+        with replacing(path.with_name(PREVIOUS), logging.DEBUG, archive=True) as temporary:
             shutil.copyfile(path, temporary)
 
 
