@@ -160,7 +160,7 @@ def tolerance(
     design : Design
     offsets : sequence of float, optional
         Sizes in mm; each is taken outwards and inwards. By default 0.1, 0.25 and 0.5 % of
-        sqrt(L H).
+        sqrt(L H), to two digits.
     points : int
         Displacements between the outermost control points (which are added, and zero).
     elements_across
@@ -177,7 +177,8 @@ def tolerance(
         moved is reported in its curve instead.
     """
     if offsets is None:
-        offsets = [share * length_unit(design.problem) for share in OFFSETS]
+        unit = length_unit(design.problem)
+        offsets = [float(f"{share * unit:.2g}") for share in OFFSETS]
     if not len(offsets):
         raise ProblemError("no offsets were given")
     for offset in offsets:

@@ -51,6 +51,8 @@ SPRINGS = {
 CHANGES: dict[str, dict[str, float]] = {
     "m and Pa": {"length": 1e-3, "stress": 1e6},
     "half the size, ten times as stiff": {"length": 0.5, "stress": 10.0},
+    "a micrometre of 1 Pa": {"length": 1e-5, "stress": 1e-6},
+    "a kilometre of 1 TPa": {"length": 1e4, "stress": 1e6},
     "a micromechanism of silicone": {"length": 1e-4, "stress": 3.0, "thickness": 2e-3},
 }
 

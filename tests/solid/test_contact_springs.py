@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import ngsolve as ng
 import numpy as np
@@ -78,6 +79,38 @@ def test_the_force_does_not_depend_on_numerical_parameters(
     assert other.complete, other.message
     reference = closing.q[np.isin(closing.d, other.d)]
     np.testing.assert_allclose(other.q, reference, rtol=2e-3)
+
+
+def bowed_columns(place: float) -> Callable[..., NDArray[np.float64]]:
+    """Two columns 12 mm thick that bow apart, mirror images at x = 50."""
+
+    def chi(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        centre = place - 6.0 * np.sin(np.pi * y / 100.0)
+        return np.asarray(2.0 * (6.0 - np.abs(np.minimum(x, 100.0 - x) - centre)))
+
+    return chi
+
+
+def test_columns_that_slide_go_on_where_their_corners_meet() -> None:
+    """Nothing holds them sideways: contact moves them apart without force, and q is that of one
+    column alone, from the touch at about -3 mm for columns that begin 2 mm nearer on.
+    """
+    problem = spring().replace(elements=20, l_i=4.0)
+    d = [-3.0, -4.0, -12.0, -20.0]
+    near, far = (
+        contact_load_displacement(mesh_body(bowed_columns(x), problem), d, threads=1)
+        for x in (40.0, 20.0)
+    )
+    assert near.complete, near.message
+    assert len(near.contact_starts) == 1
+    assert -4.0 < near.contact_starts[0] < -3.0
+    assert far.contact_starts == ()
+    touching = near.d < -3.5
+    assert (np.abs(near.smallest_gap[touching]) < 1e-5).all()
+    # On the mirror line, which nothing passes.
+    assert near.surface[touching][:, :, 0].max() == pytest.approx(50.0, abs=1e-5)
+    assert (near.pressure * near.contact_area[:, None]).max() < 1e-6
+    np.testing.assert_allclose(near.q, far.q, rtol=1e-8)
 
 
 def hole(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -146,6 +146,40 @@ def test_dxf(tmp_path: Path, area: dict[str, float], name: str) -> None:
     assert len(layers) == done.parts == (1 if name == "C7" else 2)
 
 
+@pytest.mark.parametrize(("name", "tolerance"), [("C7", 0.01), ("C7", 0.2), ("C7-random", 0.01)])
+def test_dxf_as_closed_polylines(
+    tmp_path: Path, area: dict[str, float], name: str, tolerance: float
+) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    design = gallery[name]
+    done = export_body(design, tmp_path / "spring.dxf", tolerance=tolerance, polylines=True)
+    document = ezdxf.readfile(done.path)
+    assert document.audit().errors == []
+    entities = list(document.modelspace())
+    assert {(entity.dxftype(), entity.closed) for entity in entities} == {("LWPOLYLINE", True)}
+    loops = [np.array(entity.get_points("xy")) for entity in entities]
+    assert len(loops) == 2
+    assert sum(map(polygon_area, loops)) == pytest.approx(done.measure, rel=1e-12)
+    assert done.measure == pytest.approx(area[name], rel=0.05 * tolerance)
+    # Chords are within the tolerance all along, and not many times finer.
+    t = np.linspace(0, 1, 12)[:-1, None, None]
+    chords = [(1 - t) * loop + t * np.roll(loop, -1, axis=0) for loop in loops]
+    largest = max(off_contour(design, chord.reshape(-1, 2)) for chord in chords)
+    assert tolerance / 4 < largest < 1.1 * tolerance
+    layers = {entity.dxf.layer for entity in entities}
+    assert len(layers) == done.parts == (1 if name == "C7" else 2)
+
+
+@pytest.mark.parametrize("polylines", [False, True])
+def test_the_header_of_a_dxf_file_says_its_extent(tmp_path: Path, polylines: bool) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    path = export_body(tube, tmp_path / "tube.dxf", problem=PLANE, polylines=polylines).path
+    header = ezdxf.readfile(path).header
+    # A wall 12 mm thick about |x - 50| = 30 + 5 cos(2 pi y / 100).
+    assert header["$EXTMIN"] == pytest.approx((9, 0, 0), abs=0.01)
+    assert header["$EXTMAX"] == pytest.approx((91, 100, 0), abs=0.01)
+
+
 def test_dxf_without_ezdxf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in [m for m in sys.modules if m.split(".")[0] == "ezdxf"]:
         monkeypatch.delitem(sys.modules, module)
@@ -301,6 +335,8 @@ def test_wrong_arguments(tmp_path: Path) -> None:
         export_body(design, tmp_path / "spring.svg", tolerance=0)
     with pytest.raises(ExportError, match="max_size is an option"):
         export_body(design, tmp_path / "spring.svg", max_size=1)
+    with pytest.raises(ExportError, match="polylines is an option"):
+        export_body(design, tmp_path / "spring.svg", polylines=True)
     with pytest.raises(RunFolderError, match="cannot write"):
         export_body(design, tmp_path / "missing" / "spring.svg")
     with pytest.raises(OutlineError, match="grey"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import meshio
@@ -25,6 +26,8 @@ from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.response import contact_load_displacement
 from ngspring.solid.mesh.mesh_body import mesh_body
+from ngspring.solid.outline.outline import outline
+from ngspring.solid.sides import SURFACE
 from ngspring.solid.tolerance import Tolerance, offset_level, tolerance
 from ngspring.solid.verification import Verification, largest_deviation, verify
 from ngspring.view.figure import save_figure
@@ -222,6 +225,25 @@ def test_an_offset_moves_the_surface_of_a_column_by_as_much(column: Design) -> N
     assert offset_level(column, 0.0) == 0.0
 
 
+def test_one_millimetre_off_every_surface_of_a_design_with_gentle_slopes() -> None:
+    """A1's surfaces are half as steep as Eq. 11 allows: the level 8 would cut it in two."""
+    design = gallery["A1"]
+    level = offset_level(design, -1.0)
+    nominal, thin = outline(design), outline(design, level=level)
+    length = sum(
+        float(np.linalg.norm(np.diff(piece.points, axis=0), axis=1).sum())
+        for loop in nominal.loops
+        for piece in loop.pieces
+        if piece.name == SURFACE
+    )
+    assert thin.area == pytest.approx(nominal.area - length, rel=1e-3)
+
+
+def test_an_offset_that_no_level_gives_is_refused(column: Design) -> None:
+    with pytest.raises(OutlineError, match="no level of chi moves the surface by -20 mm"):
+        offset_level(column, -20.0)
+
+
 def test_a_thicker_column_carries_more_by_the_share_of_its_width(
     column: Design, moved: Tolerance
 ) -> None:
@@ -304,6 +326,25 @@ def test_an_empty_and_a_full_design_have_no_outline_to_verify(value: float) -> N
     design = Design(problem, np.full(problem.coefficient_shape, 20 * value))
     with pytest.raises(OutlineError):
         verify(design)
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e7])
+def test_forces_of_every_size_are_told_apart(verified: Verification, factor: float) -> None:
+    third, solid = verified.third_medium, verified.contact
+    scaled = dataclasses.replace(
+        verified,
+        third_medium=dataclasses.replace(third, q=factor * third.q),
+        contact=dataclasses.replace(solid, q=1.1 * factor * third.q),
+    )
+    rows = [line.split("│")[1:-1] for line in printed(verification_table(scaled)).splitlines()]
+    for point, row in zip(scaled.points, (row for row in rows if row), strict=True):
+        q = factor * float(third.q[third.d == point.point.d][0])
+        shown = [float(cell) for cell in row[2:5]]
+        assert shown == pytest.approx([q, 1.1 * q, 0.1 * q], rel=1e-3)
+        said = next(line for line in scaled.remarks if f"d = {point.point.d:g} mm" in line)
+        pair = re.search(r"\((\S+) against (\S+) N\)", said)
+        assert pair is not None
+        assert [float(text) for text in pair.groups()] == pytest.approx([1.1 * q, q], rel=1e-3)
 
 
 def printed(table: Table) -> str:

@@ -254,8 +254,9 @@ def _drawing(edges: Outline) -> Any:
     document = Drawing.new("R2010")
     document.units = units.MM
     points = np.vstack([loop.polygon for loop in edges.loops])
-    for name, corner in (("MIN", points.min(axis=0)), ("MAX", points.max(axis=0))):
-        document.header[f"$EXT{name}"] = (*corner.tolist(), 0.0)
+    corners = ((*corner.tolist(), 0.0) for corner in (points.min(axis=0), points.max(axis=0)))
+    # Of the layout, from which ezdxf takes those of the header.
+    document.modelspace().reset_extents(*corners)
     for k in range(1, len(edges.parts) + 1):
         document.layers.add(f"PART{k}")
     return document

@@ -169,6 +169,17 @@ def _revolved(part: Part, problem: SpringProblem, tolerance: float, unit: float)
     return surface
 
 
+def _turned(face: Any, problem: SpringProblem, unit: float) -> Any:
+    """A face turned about the line x = L/2.
+
+    In two halves: of a whole turn, programs built on Open CASCADE lose the cap at the axis when
+    they read a part of less than a centimetre.
+    """
+    axis = occ.Axis(occ.Pnt(problem.L / 2 / unit, 0, 0), occ.Y)
+    half = face.Revolve(axis, 180)
+    return half + half.Rotate(axis, 180)
+
+
 _SWEEPS = {
     "extruded": _Sweep(
         lambda face, problem, unit: face.Extrude(occ.Vec(0, 0, problem.T / unit)),
@@ -176,9 +187,7 @@ _SWEEPS = {
         _extruded,
     ),
     "revolved": _Sweep(
-        lambda face, problem, unit: face.Revolve(
-            occ.Axis(occ.Pnt(problem.L / 2 / unit, 0, 0), occ.Y), 360
-        ),
+        _turned,
         lambda parts, problem: enclosed(parts, axis=problem.L / 2),
         _revolved,
     ),
