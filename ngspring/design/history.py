@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ngspring.basics.arrays import FloatArray
+from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.files import Part
 
 _FIRST = ("update", "dt", "newton_iterations", "rejected", "rejected_iterations", "leap", "C")
@@ -21,6 +21,8 @@ _KNOWN = (*_FIRST, *_LAST)
 _WHOLE = ("update", "newton_iterations", "rejected", "rejected_iterations")
 #: Columns that histories of older versions do not have.
 _ADDED = ("leap",)
+#: Neither counts nor seconds are as large.
+_MOST = 1e12
 _OF_POINT = re.compile(r"(C_q|q)\d+")
 #: The parts of a file that hold a history, if there is one.
 HISTORY_PARTS = {"history": Part("f", 2, False), "history_columns": Part("U", 1, False)}
@@ -208,10 +210,11 @@ class History:
             if name not in columns and name not in _ADDED:
                 raise ValueError(f"its history has no column {name}")
         history = cls(columns, values)
-        counts = values[:, [columns.index(name) for name in _WHOLE]]
-        steps = history["dt"]
-        finite = np.isfinite(np.delete(values, columns.index("dt"), axis=1)).all()
-        if not finite or not (steps >= 0.0).all() or (counts % 1 != 0).any() or (counts < 0).any():
+        counts = values[:, [columns.index(name) for name in (*_WHOLE, "seconds")]]
+        others = np.delete(values, columns.index("dt"), axis=1)
+        right = (history["dt"] >= 0.0).all() and (np.abs(others) < LARGEST).all()
+        right &= ((counts >= 0.0) & (counts < _MOST)).all() and (counts[:, :-1] % 1 == 0).all()
+        if not right:
             raise ValueError("its history holds numbers that cannot be right")
         return history
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ngspring.basics.arrays import LARGEST
 from ngspring.basics.checks import finite_number, printable, refused
 
 #: Notes that are text, and how many characters they may have.
@@ -39,6 +40,8 @@ def checked_notes(info: object, points: int) -> dict[str, Any]:
         if not isinstance(q, list | tuple) or len(q) != points:
             raise refused("the note q", q, f"{points} forces, one for each control point")
         notes["q"] = [finite_number("the note q", force) for force in q]
+        if max(map(abs, notes["q"])) > LARGEST:
+            raise refused("the note q", q, "forces that can be computed with")
     if "grey" in notes:
         if not isinstance(notes["grey"], list | tuple):
             raise refused("the note grey", notes["grey"], "a list of shares of the strain energy")

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ngspring.analysis.states import Curve, index_of
-from ngspring.basics.arrays import FloatArray
+from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.errors import DesignFileError, RunFolderError
 from ngspring.basics.files import LARGEST_TEXT, PathLike, read_bounded, read_text
 from ngspring.design.design import Design
@@ -223,7 +223,7 @@ def _curve(folder: Path, design: Design) -> StoredCurve | None:
         rows = [(float(row["d"]), float(row["q"])) for row in table]
     except (KeyError, TypeError, ValueError, csv.Error):
         return None
-    if len(rows) < 2 or not np.isfinite(rows).all():
+    if len(rows) < 2 or not (np.abs(rows) < LARGEST).all():
         return None
     d, q = np.array(sorted(rows)).T
     curve = StoredCurve(d, q)

@@ -367,16 +367,16 @@ JSON = st.recursive(
 
 #: Force of the only control point, or its offset.
 FORCE = st.floats(-1e6, 1e6).map(lambda q: round(q, 3))
-NUMBER = st.floats(allow_nan=False, allow_infinity=False)
+NUMBER = st.floats(-1e99, 1e99)
 COUNT = st.integers(0, 1000)
 ROWS = st.builds(
     lambda counts, dt, numbers: Row(
         *(counts[0], dt, *counts[1:], *numbers[:2], {"volume": numbers[2]}, (numbers[3],)),
-        *((numbers[4],), *numbers[5:]),
+        *((numbers[4],), *numbers[5:], counts[0] / 8),
     ),
     st.tuples(COUNT, COUNT, COUNT, COUNT),
     st.floats(0.0),
-    st.tuples(*8 * [NUMBER]),
+    st.tuples(*7 * [NUMBER]),
 )
 NOTES: dict[str, Any] = {
     "start": st.text(max_size=300).filter(str.isprintable).map(lambda text: " ".join(text.split())),
