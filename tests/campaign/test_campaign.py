@@ -187,6 +187,7 @@ BAD = {
     f'{C4}name = ".."': "the name '..' is not valid",
     f'{C4}name = "{"x" * 201}"': "longer than 200",
     f'{C4}name = "results.csv"': "that of a file",
+    f'{C4}name = "Report.html"': "that of a file",
     f"{C4}name = 3": "the name 3",
     f"{C4}elements = 7": "even integer",
     f'{C4}elements = "8"': "even integer",

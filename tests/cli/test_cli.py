@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import os
 import re
@@ -10,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,6 +27,7 @@ import ngspring
 from ngspring.analysis.path import Jump
 from ngspring.basics.errors import ConvergenceError
 from ngspring.cli.arguments import read_problem
+from ngspring.cli.main import cli
 from ngspring.cli.progress import LiveTable
 from ngspring.cli.response import response_lines
 from ngspring.cli.tables import make_console
@@ -407,6 +411,60 @@ def test_bench() -> None:
     for row in ("unknowns", "non-zeros", "assembly", "reduction", "factorisation", "solve"):
         assert row in out
     assert "peak memory" in out
+
+
+NAMES = ("$x^{$", "costs $5, $\\\\frac$ \\\\$", "漢字 😀", "x" * 200)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_name_goes_through_a_whole_run(name: str, tmp_path: Path) -> None:
+    """No mathematics is looked for, no picture is lost, and no warning of a font reaches stderr."""
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(f'name = "{name}"\n{TOML}'.replace("elements = 12", "elements = 4"))
+    options = ("--max-updates", 1, "--threads", 1, "--out", out, "--report", "--anyway")
+    result = invoke("optimize", file, *options)
+    assert {path.name for path in out.iterdir()} - {".lock"} == FILES
+    assert "not written" not in result.stdout
+    lines = result.stderr.splitlines()
+    assert lines[-1].startswith("not converged: stopped after 1")
+    assert all(line.startswith("ngspring: warning: ") for line in lines[:-1])
+    invoke("watch", out, "--once")
+    assert Design.load(out / "design.npz").problem.name == name.replace("\\\\", "\\")
+
+
+@pytest.mark.parametrize("broken", ["convergence_figure", "design_figure", "write_report"])
+def test_a_picture_that_fails_costs_nothing_else(
+    broken: str, finished: SimpleNamespace, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("no\nfont")
+
+    files = {"convergence_figure": "convergence.png", "design_figure": "design.png"}
+    lost = files.get(broken, "report.html")
+    for name in FILES - {"checkpoint.npz", "design.npz"}:
+        (copy / name).unlink()
+    monkeypatch.setattr(f"ngspring.view.run_files.{broken}", fail)
+    file = finished.home / "mine.toml"
+    result = invoke("optimize", file, "--out", copy, "--resume", "--threads", 1)
+    assert {path.name for path in copy.iterdir()} - {".lock"} == FILES - {lost, "snapshots.npz"}
+    assert f"not written: {lost}: no font\n" in result.stdout
+    assert lost not in result.stdout.splitlines()[-1]
+
+
+def test_warnings_of_libraries_are_for_the_log_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def warn(*_: object) -> None:
+        warnings.warn("a warning of Python", stacklevel=1)
+        logging.getLogger("matplotlib.font_manager").warning("a warning of matplotlib")
+
+    monkeypatch.setattr("ngspring.cli.cases.make_console", warn)
+    log = tmp_path / "log.txt"
+    with contextlib.redirect_stderr(io.StringIO()) as err, pytest.raises(AttributeError):
+        cli.main(["--log-file", str(log), "cases"])
+    assert err.getvalue() == ""
+    assert "a warning of Python" in log.read_text()
+    assert "a warning of matplotlib" in log.read_text()
 
 
 def test_verbose_and_log_file(finished: SimpleNamespace, tmp_path: Path) -> None:

@@ -93,6 +93,15 @@ def report(tmp_path: Path) -> Path:
 # -- the file --------------------------------------------------------------------------------------
 
 
+def test_what_is_stored_and_not_computed_is_marked(report: Path) -> None:
+    text = report.read_text(encoding="utf-8")
+    for marked in ("reached q [N] †", "deviation †", "† The load-displacement curve"):
+        assert marked in text
+    assert "as the run has stored it, not computed anew" in text
+    # These are.
+    assert "W/H †" not in text
+
+
 def test_the_file_needs_nothing_from_elsewhere(report: Path) -> None:
     text = report.read_text(encoding="utf-8")
     tags = Tags(text)
