@@ -385,6 +385,8 @@ NOTES: dict[str, Any] = {
     "falling_directions": COUNT,
 }
 
+OTHER_NOTES = (*NOTES, "failed", "stopped", "ngsolve", "grey")
+
 
 @st.composite
 def designs(draw: st.DrawFn) -> Design:
@@ -405,7 +407,8 @@ def designs(draw: st.DrawFn) -> Design:
     history = None
     if draw(st.booleans()):
         history = History.from_rows(draw(st.lists(ROWS, min_size=1, max_size=4)))
-    info = draw(st.dictionaries(st.text().filter(lambda key: key not in NOTES), JSON, max_size=4))
+    keys = st.text().filter(lambda key: key not in OTHER_NOTES)
+    info = draw(st.dictionaries(keys, JSON, max_size=4))
     info |= draw(st.fixed_dictionaries({}, optional=NOTES))
     return Design(problem, coefficients, history, info)
 
