@@ -143,6 +143,15 @@ def read_bounded(path: PathLike, most: int) -> bytes:
     return content
 
 
+@contextlib.contextmanager
+def naming(path: str) -> Iterator[None]:
+    """What a text file's content is refused for begins with the name of the file."""
+    try:
+        yield
+    except ProblemError as error:
+        raise ProblemError(f"{path!r}: {error}") from error.__cause__
+
+
 def read_text(path: str, foreign: bool = False) -> str:
     """Content of a text file; what is wrong with it is a ProblemError of one line.
 

@@ -34,7 +34,7 @@ from typing import Any
 
 from ngspring.basics.checks import nearest, printable, shown
 from ngspring.basics.errors import NgspringError, ProblemError
-from ngspring.basics.files import read_text
+from ngspring.basics.files import naming, read_text
 from ngspring.design.notes import LONGEST_NOTE
 from ngspring.problem.cases import get_case
 from ngspring.problem.scaling import on_mesh
@@ -186,11 +186,9 @@ def read_campaign(path: str | os.PathLike[str]) -> Campaign:
     ProblemError
         With a message of one line, which starts with the name of the file.
     """
-    path = Path(path)
-    try:
-        return parse_campaign(read_text(os.fspath(path)), path.parent, os.fspath(path))
-    except ProblemError as error:
-        raise ProblemError(f"{str(path)!r}: {error}") from error.__cause__
+    name = os.fspath(path)
+    with naming(name):
+        return parse_campaign(read_text(name), Path(name).parent, name)
 
 
 def parse_campaign(text: str, folder: Path = Path(), file: str = "FILE.toml") -> Campaign:

@@ -37,7 +37,7 @@ import tomli_w
 
 from ngspring.basics.checks import finite_number, nearest, refused, shown
 from ngspring.basics.errors import ProblemError
-from ngspring.basics.files import read_text
+from ngspring.basics.files import naming, read_text
 from ngspring.problem.curves.curve import read_curve
 from ngspring.problem.laws import with_material
 from ngspring.problem.material import MATERIAL_KEYS
@@ -109,10 +109,8 @@ def read(text_or_path: str | os.PathLike[str], parse: Callable[[str, Path], Pars
     if isinstance(text_or_path, str) and not _names_a_file(text_or_path):
         return parse(text_or_path, Path())
     path = os.fsdecode(text_or_path)
-    try:
+    with naming(path):
         return parse(read_text(path), Path(path).parent)
-    except ProblemError as error:
-        raise ProblemError(f"{path!r}: {error}") from error.__cause__
 
 
 def _names_a_file(text: str) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
-from ngspring.basics.files import PathLike, read_text
+from ngspring.basics.files import PathLike, naming, read_text
 from ngspring.problem.curves.branches import single_valued
 from ngspring.problem.curves.drawing import parse_drawing
 from ngspring.problem.curves.table import parse_columns
@@ -366,7 +366,7 @@ def read_curve(
     """
     name = os.fsdecode(path)
     drawn = name.lower().endswith(".svg")
-    try:
+    with naming(name):
         if drawn and axes is None:
             raise ProblemError("a drawing needs the ranges of d and q that its axes stand for")
         text = read_text(name, foreign=not drawn)
@@ -377,5 +377,3 @@ def read_curve(
                 d, q = _turned(d, q, remarks)
             return _curve(d, q, height, remarks, branch)
         return parse_curve(text, height, area, compression, branch, specimen, quantities)
-    except ProblemError as error:
-        raise ProblemError(f"{name!r}: {error}") from error.__cause__
