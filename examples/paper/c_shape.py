@@ -41,6 +41,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.fem.process import parallel, tasks
 from ngspring.physics.elasticity import strain_energy
 from ngspring.physics.void import void_regularisation_scale
+from ngspring.problem.scaling import force_unit
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, numbered
 from ngspring.solid.contact.mechanics import ContactMechanics
@@ -104,7 +105,8 @@ def real_contact(displacements: Sequence[float], maxh: float = 0.1) -> Curve:
     matrix = numbered(parent, weight, n + driven)[0].matrix
     solid = Solid(mesh, lambda u, grad_u: strain_energy(u, grad_u, PROBLEM), matrix)
     contact = Contact(free_surface(mesh, "surface"), (), LAW, lambda x: np.ones(len(x)))
-    mechanics = ContactMechanics(solid, contact, Skeleton(mesh, "surface"), HEIGHT)
+    skeleton = Skeleton(mesh, "surface")
+    mechanics = ContactMechanics(solid, contact, skeleton, HEIGHT, force_unit(PROBLEM))
     points, message = follow(mechanics, np.array(displacements), mechanics.at_rest())
     if message:
         raise SystemExit(message)

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from ngspring.analysis.response import load_displacement
+from ngspring.analysis.states import curve_displacements
 from ngspring.basics.errors import DesignFileError
-from ngspring.cli.arguments import displacements_between
 from ngspring.cli.options import MOST_POINTS, OK, Finite, FiniteRange, incomplete, threads_option
 from ngspring.design.gallery import gallery
 from ngspring.design.snapshots import Snapshots
@@ -72,7 +72,7 @@ def animate_command(
 
     design, path = read_design(name)
     film = _film(path, kind) if out is None else out
-    displacements = {0.0, *displacements_between(design, low, high, points)}
+    displacements = {0.0, *curve_displacements(design, low, high, points)}
     check_film(film)
     # The symmetric path is the same on the full domain, at ten times the cost.
     response = load_displacement(design, displacements, "quarter", threads=threads)

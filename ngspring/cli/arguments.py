@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from ngspring.analysis.states import curve_displacements
-from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError, RunFolderError
-from ngspring.design.design import Design
 from ngspring.problem.cases import cases, get_case
 from ngspring.problem.spring import SpringProblem
 
@@ -46,22 +42,6 @@ def read_problem(
         return (problem if problem.name else problem.replace(name=path.stem)), path.stem
     problem = get_case(text)
     return problem, problem.name
-
-
-def displacements_between(
-    design: Design, low: float | None = None, high: float | None = None, points: int = 41
-) -> FloatArray:
-    """Evenly spaced displacements in mm for ``--from``, ``--to`` and ``--points``.
-
-    Raises
-    ------
-    ProblemError
-        If an end is not a finite number.
-    """
-    for option, value in (("--from", low), ("--to", high)):
-        if value is not None and not math.isfinite(value):
-            raise ProblemError(f"{option} {value} must be a finite number")
-    return curve_displacements(design, low, high, points)
 
 
 def make_folder(folder: Path) -> None:

@@ -8,8 +8,9 @@ import click
 import numpy as np
 
 from ngspring.analysis.response import Response, load_displacement, response_csv
+from ngspring.analysis.states import curve_displacements
 from ngspring.basics.files import write_text
-from ngspring.cli.arguments import displacements_between, results_folder
+from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import MOST_POINTS, OK, Finite, domain_option, incomplete, threads_option
 from ngspring.evolution.folder import read_design
 from ngspring.view.curves import response_figure
@@ -54,8 +55,8 @@ def response_command(
     response-custom.png, because the report of a run draws the curve in its response.csv.
     """
     design, path = read_design(name)
-    displacements = displacements_between(design, low, high, points)
-    custom = not np.array_equal(displacements, displacements_between(design))
+    displacements = curve_displacements(design, low, high, points)
+    custom = not np.array_equal(displacements, curve_displacements(design))
     stem = f"{CURVE}-custom" if custom else CURVE
     response = load_displacement(design, displacements, domain, threads=threads)
     for line in response_lines(response):

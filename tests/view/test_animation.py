@@ -234,7 +234,7 @@ def test_the_stored_evolution_of_c7_has_a_film(
         ((".", "--kind", "evolution"), "there are no snapshots of a run in ."),
         (("x.npz", "--kind", "evolution"), "there is no file x.npz"),
         (("C7", "--kind", "evolution", "--from", "1"), "--from and --to belong to"),
-        (("C7", "--to", "nan"), "--to nan must be a finite number"),
+        (("C7", "--to", "nan"), "'nan' is not a finite number"),
         (("C7", "--kind", "dance"), "'dance' is not one of"),
     ],
 )
