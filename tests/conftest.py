@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
+
+# The tests share the processors by running side by side. Threads of a library that wait for work
+# spin, and made a notebook beside other tests take ten times as long.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import ngsolve as ng
 import numpy as np

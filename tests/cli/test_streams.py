@@ -62,7 +62,7 @@ def test_streams_that_were_closed_before_it_began_are_no_files_of_the_run(tmp_pa
 
 def test_characters_that_a_terminal_has_not_are_question_marks(tmp_path: Path) -> None:
     plain = {**environment(), "PYTHONIOENCODING": "ascii"}
-    done = ngspring("show", "C4", cwd=tmp_path, env=plain, stdout=subprocess.PIPE)
+    done = ngspring(*RUN, cwd=tmp_path, env=plain, stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stderr
     assert b" mm?" in done.stdout
 

@@ -76,13 +76,13 @@ def test_the_share_of_grey_in_a_uniform_stretch_is_that_of_its_energy() -> None:
     assert found == pytest.approx(soft / (soft + solid), rel=1e-4)
 
 
-def test_a_stored_design_is_a_part_by_both_ways_to_its_shares() -> None:
-    design = gallery["C1"]
+def test_shares_are_the_same_by_both_ways_to_them() -> None:
+    points = (ControlPoint(8.0, 1.0), ControlPoint(-8.0, -1.0))
+    design = Design.column(PROBLEM.replace(control_points=points, elements=16, l_i=5.0))
     check = optimality(design, threads=1)
-    assert max(check.grey) < LARGEST_SHARE
-    assert flaw(design, check.grey) == ""
-    d = [point.d for point in design.problem.control_points]
-    assert load_displacement(design, d, threads=1).grey == pytest.approx(check.grey, rel=1e-6)
+    assert 0.1 < min(check.grey) < max(check.grey) < 1.0
+    response = load_displacement(design, [8.0, -8.0], threads=1)
+    assert response.grey == pytest.approx(check.grey, rel=1e-6)
 
 
 def test_the_grey_neck_of_t1_without_its_dilated_point_is_seen() -> None:
