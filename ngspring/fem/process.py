@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import ngsolve as ng
+from threadpoolctl import ThreadpoolController
 
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
@@ -67,7 +68,10 @@ def parallel(threads: int | None = None, problem: SpringProblem | None = None) -
         threads = 1
     count = checked_threads(threads)
     ng.SetNumThreads(count)
-    yield count
+    # NumPy's own threads bring nothing to sums and products of vectors, and go on spinning after
+    # each: they take the processors from NGSolve and MKL.
+    with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
+        yield count
 
 
 def _is_small(problem: SpringProblem) -> bool:

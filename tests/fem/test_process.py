@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from threadpoolctl import ThreadpoolController
 
 import ngspring
 from ngspring.analysis.stability import stability
@@ -48,3 +49,16 @@ def test_a_mesh_too_small_for_more_threads_is_given_one_unless_more_are_asked_fo
             assert count == right
     with parallel(None, small.replace(domain="full")) as count:
         assert count == available()
+
+
+def test_numpy_does_not_take_the_processors_while_something_is_computed() -> None:
+    """Its threads spin after each product of vectors; afterwards they are there again."""
+
+    def threads_of_numpy() -> set[int]:
+        pools = ThreadpoolController().select(internal_api="openblas").info()
+        return {pool["num_threads"] for pool in pools}
+
+    before = threads_of_numpy()
+    with parallel(2):
+        assert threads_of_numpy() <= {1}
+    assert threads_of_numpy() == before
