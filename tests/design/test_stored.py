@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ngspring import Design, DesignFileError, cases, gallery, optimality
+from ngspring.design.soundness import flaw
 
 
 def test_the_gallery_holds_the_compression_springs_c4_and_c7() -> None:
@@ -106,6 +107,8 @@ def test_every_stored_design_is_a_stationary_point_that_meets_its_targets() -> N
         assert check.residual <= 1e-6, name
         blueprint = np.array([point.eta == 0 for point in design.problem.control_points])
         assert abs(check.deviation[blueprint]).max() <= 1e-3, name
+        # What the dilated control point is there for (section 2.6).
+        assert bool(flaw(design, check.grey)) == (name == "T1-not-robust"), name
 
 
 @pytest.mark.slow

@@ -111,4 +111,4 @@ def test_a_notebook_that_hangs_is_given_up(tmp_path: Path) -> None:
     script = tmp_path / "hangs.py"
     script.write_text("# %%\nimport time\n\n# %%\ntime.sleep(600)\n")
     with pytest.raises(nbclient.exceptions.CellTimeoutError):
-        load_render().execute(script, longest=5)
+        load_render().execute(script, longest=2)
