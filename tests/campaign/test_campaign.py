@@ -360,7 +360,8 @@ def test_a_campaign_with_failing_killed_and_continued_runs(tmp_path: Path) -> No
 def test_an_interrupt_stops_every_worker_and_says_how_to_resume(
     tmp_path: Path, interrupt: str
 ) -> None:
-    (tmp_path / "own.toml").write_text(TINY.to_toml())
+    # So fine that no run can end before it hears of the interrupt.
+    (tmp_path / "own.toml").write_text(TINY.replace(elements=24, l_i=4.0).to_toml())
     (tmp_path / "a b.toml").write_text('[[run]]\nfile = "own.toml"\nchanges = {p = [7.0, 8.0]}\n')
     command = ["campaign", "a b.toml", "--workers", "2"]
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
