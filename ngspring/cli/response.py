@@ -12,9 +12,9 @@ from ngspring.analysis.states import curve_displacements
 from ngspring.basics.files import write_text
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import MOST_POINTS, OK, Finite, domain_option, incomplete, threads_option
+from ngspring.cli.pictures import write_pictures
 from ngspring.evolution.folder import read_design
 from ngspring.view.curves import response_figure
-from ngspring.view.figure import save_figure
 
 #: Name of the curve's files; a run has one of the csv already.
 CURVE = "response"
@@ -63,9 +63,10 @@ def response_command(
         click.echo(line)
     folder = results_folder(path, out)
     write_text(folder / f"{stem}.csv", response_csv(response))
-    save_figure(response_figure(response, design.problem), folder / f"{stem}.png")
+    picture = folder / f"{stem}.png"
+    names = write_pictures({picture: lambda: response_figure(response, design.problem)})
     # The standard output holds nothing but the table.
-    click.echo(f"files in {folder}: {stem}.csv, {stem}.png", err=True)
+    click.echo(f"files in {folder}: {', '.join([f'{stem}.csv', *names])}", err=True)
     return OK if response.complete else incomplete(response.message)
 
 

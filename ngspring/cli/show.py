@@ -8,10 +8,10 @@ import click
 
 from ngspring.analysis.states import control_point_responses, curve_displacements, index_of, reached
 from ngspring.cli.options import OK, incomplete, threads_option
+from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import design_lines, make_console, points_table
 from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import read_design
-from ngspring.view.figure import save_figure
 from ngspring.view.rows import design_figure
 
 
@@ -34,9 +34,9 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
     )
     forces = [reached(responses, point) for point in design.problem.control_points]
     make_console().print(points_table(design.problem, forces))
-    save_figure(design_figure(design, responses, responses[0.0]), picture)
-    click.echo(f"picture: {picture}")
     curve = responses[0.0]
+    if write_pictures({picture: lambda: design_figure(design, responses, curve)}):
+        click.echo(f"picture: {picture}")
     places = [index_of(curve, p.d) for p in design.problem.control_points if not p.eta]
     reason = flaw(design, [float(curve.grey[k]) for k in places if k is not None])
     if reason:

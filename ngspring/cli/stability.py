@@ -12,9 +12,9 @@ from ngspring.analysis.states import curve_displacements
 from ngspring.basics.text import significant
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import OK, incomplete, points_option, threads_option
+from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
-from ngspring.view.figure import save_figure
 from ngspring.view.stability import stability_figure
 
 PICTURE = "stability.png"
@@ -45,8 +45,8 @@ def stability_command(name: str, points: int, out: Path | None, threads: int | N
         click.echo(line)
     folder = results_folder(path, out)
     picture = folder / PICTURE
-    save_figure(stability_figure(design, outcome), picture)
-    click.echo(f"picture: {picture}")
+    if write_pictures({picture: lambda: stability_figure(design, outcome)}):
+        click.echo(f"picture: {picture}")
     return OK if outcome.complete else incomplete(outcome.message)
 
 

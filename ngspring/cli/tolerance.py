@@ -19,10 +19,10 @@ from ngspring.cli.options import (
     results_option,
     threads_option,
 )
+from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
 from ngspring.solid.tolerance import Tolerance, tolerance
-from ngspring.view.figure import save_figure
 from ngspring.view.tolerance import tolerance_figure
 
 
@@ -63,8 +63,8 @@ def tolerance_command(
     make_console().print(tolerance_table(outcome))
     folder = results_folder(path, out)
     write_text(folder / "tolerance.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
-    save_figure(tolerance_figure(outcome), folder / "tolerance.png")
-    click.echo(f"files in {folder}: tolerance.json, tolerance.png")
+    names = write_pictures({folder / "tolerance.png": lambda: tolerance_figure(outcome)})
+    click.echo(f"files in {folder}: {', '.join(['tolerance.json', *names])}")
     return max([OK, *map(incomplete, tolerance_lines(outcome))])
 
 

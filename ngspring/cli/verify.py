@@ -20,11 +20,11 @@ from ngspring.cli.options import (
     results_option,
     threads_option,
 )
+from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
 from ngspring.solid.tolerance import offset_level
 from ngspring.solid.verification import Verification, verify
-from ngspring.view.figure import save_figure
 from ngspring.view.solid import contact_states_figure, verification_figure
 from ngspring.view.text import deviation_text, signed_percent
 
@@ -63,9 +63,12 @@ def verify_command(
         click.echo(line)
     folder = results_folder(path, out)
     write_text(folder / "verification.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
-    save_figure(verification_figure(outcome), folder / "verification.png")
-    save_figure(contact_states_figure(outcome), folder / "contact.png")
-    click.echo(f"files in {folder}: verification.json, verification.png, contact.png")
+    pictures = {
+        folder / "verification.png": lambda: verification_figure(outcome),
+        folder / "contact.png": lambda: contact_states_figure(outcome),
+    }
+    names = ["verification.json", *write_pictures(pictures)]
+    click.echo(f"files in {folder}: {', '.join(names)}")
     return OK if outcome.complete else incomplete(outcome.message)
 
 

@@ -378,6 +378,20 @@ def test_verify_writes_its_verdict_and_pictures(stored: Path, tmp_path: Path) ->
     assert names == ["contact.png", "verification.json", "verification.png"]
 
 
+def test_a_picture_that_fails_costs_no_other(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(outcome: Verification) -> None:
+        raise ValueError("no such\nglyph")
+
+    monkeypatch.setattr("ngspring.cli.verify.verification_figure", fail)
+    code, text = run("verify", stored, "--points", 2, "--out", tmp_path, "--threads", 1)
+    assert code == 0, text
+    assert "not written: verification.png: no such glyph" in text
+    assert "verification.json, contact.png" in text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["contact.png", "verification.json"]
+
+
 def test_tolerance_writes_its_table_and_picture(stored: Path, tmp_path: Path) -> None:
     code, text = run(
         "tolerance", stored, "--offsets", "0.2", "--points", 2, "--out", tmp_path, "--threads", 1
