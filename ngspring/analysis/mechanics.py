@@ -398,8 +398,8 @@ class Mechanics:
             lam = lam - self.solve_linear(self.reduced(load)[:-1])
         return np.append(lam, lam_top)
 
-    def equilibrium(self, d: float, guess: FloatArray) -> Equilibrium:
-        """Newton's method at a prescribed d.
+    def equilibrium(self, d: float, *guesses: FloatArray) -> Equilibrium:
+        """Newton's method at a prescribed d, from the first guess that inverts no element.
 
         Steps that would invert an element (a non-finite residual) are halved.
 
@@ -408,8 +408,11 @@ class Mechanics:
         ConvergenceError
             If it does not converge.
         """
-        force = self.forces(d, guess)
-        if not np.isfinite(force).all():
+        for guess in guesses:
+            force = self.forces(d, guess)
+            if np.isfinite(force).all():
+                break
+        else:
             raise ConvergenceError("the initial guess inverts an element")
         first = np.linalg.norm(force[:-1])
         tangents: list[tuple[FloatArray, float]] = []
@@ -453,10 +456,8 @@ class Mechanics:
     def advanced(self, here: Equilibrium, target: float, tried: float) -> tuple[Equilibrium, float]:
         """The equilibrium ``tried`` mm on towards a target, see `ngspring.analysis.path`."""
         d = stepped(here.d, target, tried)
-        guess = here.predicted(d)
-        if not np.isfinite(self.forces(d, guess)).all():
-            guess = here.u + (d - here.d) * here.tangent
-        there = self.equilibrium(d, guess)
+        along_tangent = here.u + (d - here.d) * here.tangent
+        there = self.equilibrium(d, here.predicted(d), along_tangent)
         return replace(there, before=replace(here, before=None)), tried
 
     def settled(self, here: Equilibrium, target: float, tried: float) -> Equilibrium:
