@@ -11,7 +11,7 @@ import math
 import os
 import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ngspring.basics.checks import shown
+from ngspring.basics.checks import printable, shown
 from ngspring.basics.errors import DesignFileError, ProblemError, RunFolderError
 
 logger = logging.getLogger(__name__)
@@ -32,6 +32,8 @@ LARGEST_TEXT, LARGEST_NOTE, LARGEST_ARRAYS = 20_000_000, 4_000_000, 500_000_000
 
 #: How the temporary files of `replacing` begin; the number of their process follows.
 _OURS = ".ngspring-"
+#: Characters of the line that `attempt` returns.
+_LONGEST_REASON = 300
 
 
 @contextlib.contextmanager
@@ -79,6 +81,36 @@ def replacing(path: PathLike, level: int = logging.INFO, archive: bool = False) 
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def attempt(
+    path: Path,
+    write: Callable[[Path], object],
+    fatal: type[Exception] | tuple[type[Exception], ...] = (),
+) -> str:
+    """Write a file that nothing else depends on; where that fails, nothing else is lost.
+
+    Parameters
+    ----------
+    path : path
+    write : callable
+        Writes it; may raise anything, as drawing with matplotlib does.
+    fatal : exceptions, optional
+        What is raised nevertheless.
+
+    Returns
+    -------
+    str
+        Why it was not written, in a line, which is logged as well; empty if it was.
+    """
+    try:
+        write(path)
+    except fatal:
+        raise
+    except Exception as error:
+        logger.warning("%s was not written", path, exc_info=True)
+        return printable(f"not written: {path.name}: {error}", _LONGEST_REASON)
+    return ""
 
 
 def holds_archive(path: PathLike) -> bool:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ngspring.basics.checks import printable
 from ngspring.basics.errors import NgspringError
+from ngspring.basics.files import attempt
 from ngspring.view.figure import save_figure
-
-logger = logging.getLogger(__name__)
 
 
 def write_pictures(pictures: dict[Path, Callable[[], Any]]) -> list[str]:
@@ -34,14 +31,15 @@ def write_pictures(pictures: dict[Path, Callable[[], Any]]) -> list[str]:
     NgspringError
         If a file cannot be written, or its suffix is none of a picture.
     """
+
+    def draw(path: Path) -> None:
+        save_figure(pictures[path](), path)
+
     written = []
-    for path, draw in pictures.items():
-        try:
-            save_figure(draw(), path)
+    for path in pictures:
+        reason = attempt(path, draw, NgspringError)
+        if reason:
+            click.echo(reason, err=True)
+        else:
             written.append(path.name)
-        except NgspringError:
-            raise
-        except Exception as error:  # matplotlib may raise anything
-            logger.warning("%s was not written", path, exc_info=True)
-            click.echo(printable(f"not written: {path.name}: {error}", 300), err=True)
     return written

@@ -6,14 +6,13 @@ written again and again while the run goes on.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from markupsafe import Markup
 
-from ngspring.basics.files import PathLike, write_text
+from ngspring.basics.files import PathLike, attempt, write_text
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.design.history import History
@@ -28,8 +27,6 @@ from ngspring.view.design import density_figure
 from ngspring.view.html import link, page, picture
 from ngspring.view.run import convergence_figure, forces_figure, reached_figure
 from ngspring.view.text import deviation_percent, duration, signed_percent, step, width_symbol
-
-logger = logging.getLogger(__name__)
 
 REPORT = "report.html"
 #: A browser loads the report of a running run again after so many seconds.
@@ -73,12 +70,7 @@ def keep_report(read: Callable[[], RunState], path: PathLike) -> bool:
     bool
         Whether it was written.
     """
-    try:
-        write_report(read(), path)
-    except Exception:  # also whatever a picture in it raises
-        logger.warning("the report %s was not written", path, exc_info=True)
-        return False
-    return True
+    return not attempt(Path(path), lambda place: write_report(read(), place))
 
 
 def report_page(state: RunState, refresh: int = REFRESH) -> str:

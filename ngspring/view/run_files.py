@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 
 from ngspring.analysis.response import response_csv
 from ngspring.analysis.states import at_control_points, control_point_responses, curve_displacements
-from ngspring.basics.checks import printable
-from ngspring.basics.files import write_text
+from ngspring.basics.files import attempt, write_text
 from ngspring.evolution.folder import DESIGN, HISTORY
 from ngspring.evolution.runstate import RESPONSE, STATES, read_run
 from ngspring.evolution.updates import Result
@@ -18,8 +16,6 @@ from ngspring.view.report import REPORT, write_report
 from ngspring.view.rows import design_figure
 from ngspring.view.run import convergence_figure
 from ngspring.view.vtu import write_vtu
-
-logger = logging.getLogger(__name__)
 
 CONVERGENCE_PICTURE = "convergence.png"
 DESIGN_PICTURE = STATES
@@ -39,13 +35,12 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     design, problem = result.design, result.design.problem
     written, lines = [DESIGN, HISTORY], []
 
-    def attempt(name: str, write: Callable[[Path], object]) -> None:
-        try:
-            write(folder / name)
+    def tried(name: str, write: Callable[[Path], object]) -> None:
+        reason = attempt(folder / name, write)
+        if reason:
+            lines.append(reason)
+        else:
             written.append(name)
-        except Exception as error:  # matplotlib may raise anything
-            logger.warning("%s was not written", folder / name, exc_info=True)
-            lines.append(printable(f"not written: {name}: {error}", 300))
 
     # The symmetric path is the same on the full domain, at ten times the cost.
     responses = control_point_responses(
@@ -53,13 +48,13 @@ def write_pictures(result: Result, folder: Path, threads: int | None = None) -> 
     )
     lines += [f"incomplete: {r.message}" for r in responses.values() if not r.complete]
     curve = responses[0.0]
-    attempt(RESPONSE, lambda path: write_text(path, response_csv(curve)))
-    attempt(
+    tried(RESPONSE, lambda path: write_text(path, response_csv(curve)))
+    tried(
         CONVERGENCE_PICTURE,
         lambda path: save_figure(convergence_figure(result.history, problem), path),
     )
-    attempt(DESIGN_PICTURE, lambda path: save_figure(design_figure(design, responses, curve), path))
+    tried(DESIGN_PICTURE, lambda path: save_figure(design_figure(design, responses, curve), path))
     at_points = at_control_points(responses, problem)
-    attempt(DESIGN_VTU, lambda path: write_vtu(path, design, at_points))
-    attempt(REPORT, lambda path: write_report(read_run(folder, ended=True), path))
+    tried(DESIGN_VTU, lambda path: write_vtu(path, design, at_points))
+    tried(REPORT, lambda path: write_report(read_run(folder, ended=True), path))
     return [*lines, f"files in {folder}: {', '.join(written)}"]

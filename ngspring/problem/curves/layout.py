@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ngspring.basics.arrays import FloatArray
+from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.curves.heading import Heading, is_unit
@@ -32,8 +32,6 @@ _SEPARATORS = (";", "\t", ",", " ")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|[+-]?inf(inity)?", re.IGNORECASE)
 _TIME = re.compile(r"\d+(:\d+)+(\.\d+)?")
 _COMMENT = re.compile(r"(#+|%+(?!\s*[;,\t]))\s*")
-#: Beyond this, and below its inverse, what is calculated from a number overflows.
-_HUGE = 1e100
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -82,7 +80,7 @@ class Table:
                     f"line {line}: not all fields of the columns {_places(columns)} are numbers;"
                     f" {REMEDY}"
                 ) from None
-            if not all(abs(number) < _HUGE for number in numbers):
+            if not all(abs(number) < LARGEST for number in numbers):
                 raise ProblemError(
                     f"line {line}: {shown(' '.join(fields))} are not finite numbers, or too large:"
                     " leave the row out"
@@ -91,7 +89,7 @@ class Table:
         if not values:
             raise ProblemError(f"the columns {_places(columns)} have no rows of numbers")
         found = np.array(values)
-        return np.where(np.abs(found) < 1.0 / _HUGE, 0.0, found)
+        return np.where(np.abs(found) < 1.0 / LARGEST, 0.0, found)
 
 
 def _places(columns: Sequence[int]) -> str:
