@@ -14,6 +14,8 @@ from .design.history import History as History
 from .design.snapshots import Snapshots as Snapshots
 from .evolution.evolve import Evolution as Evolution
 from .evolution.evolve import evolve as evolve
+from .evolution.ladder import NO_LADDER as NO_LADDER
+from .evolution.ladder import Ladder as Ladder
 from .evolution.optimize import optimize as optimize
 from .evolution.runstate import RunState as RunState
 from .evolution.runstate import read_run as read_run
@@ -55,6 +57,7 @@ from .view.report import ReportWriter as ReportWriter
 from .view.report import write_report as write_report
 
 __all__ = [
+    "NO_LADDER",
     "Body",
     "CompoundState",
     "ContactResponse",
@@ -67,6 +70,7 @@ __all__ = [
     "ExportError",
     "Finding",
     "History",
+    "Ladder",
     "LeapRule",
     "NgspringError",
     "Optimality",

@@ -12,6 +12,7 @@ Every run is a table; its keys other than ``case`` or ``file`` are optional::
     elements = 40                   # a coarser mesh widens l_i, as `ngspring optimize` does
     dt_initial = 0.1
     max_updates = 300
+    ladder = false                  # no coarse meshes before this one
     changes = {k_rho = [1e-8, 2e-8], p = 6.0}
 
 A list in ``changes`` gives one run per value, with a suffix such as ``-k_rho=2e-08`` to its name,
@@ -50,6 +51,7 @@ KEYS = (
     "elements",
     "dt_initial",
     "max_updates",
+    "ladder",
     "changes",
     "robust",
 )
@@ -77,6 +79,8 @@ class Run:
         First pseudo-time step.
     max_updates : int, optional
         Stop after this many design updates.
+    ladder : bool
+        Whether coarse meshes come first (`ngspring.evolution.ladder`).
     folder : str
         What the path of a start's design is relative to; the working directory by default.
 
@@ -92,6 +96,7 @@ class Run:
     seed: int | None = None
     dt_initial: float | None = None
     max_updates: int | None = None
+    ladder: bool = True
     folder: str = ""
 
     def __post_init__(self) -> None:
@@ -113,6 +118,8 @@ class Run:
         updates = self.max_updates
         if updates is not None and (not _is_integer(updates) or updates < 1):
             raise ProblemError(f"max_updates = {shown(updates)} must be an integer of at least 1")
+        if not isinstance(self.ladder, bool):
+            raise ProblemError(f"ladder = {shown(self.ladder)} must be true or false")
 
     @property
     def after(self) -> str | None:
@@ -240,7 +247,8 @@ def _runs(table: Mapping[str, Any], folder: Path) -> Iterator[Run]:
         name = table["name"]
         _check_name(name)
     start = table.get("start", "column")
-    options = {key: table[key] for key in ("seed", "dt_initial", "max_updates") if key in table}
+    names = ("seed", "dt_initial", "max_updates", "ladder")
+    options = {key: table[key] for key in names if key in table}
     if isinstance(start, str) and start.startswith("design:"):
         options["folder"] = str(folder)
     for suffix, varied in _variations(problem, table):

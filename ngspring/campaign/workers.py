@@ -12,6 +12,7 @@ from ngspring.campaign.outcome import CONVERGED, FAILED, INTERRUPTED, NOT_CONVER
 from ngspring.campaign.plan import Run
 from ngspring.design.design import Design
 from ngspring.evolution.folder import CHECKPOINT, DESIGN, last_checkpoint, read_design
+from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Observer, Update
@@ -69,6 +70,7 @@ def execute(run: Run, out: Path, threads: int, observer: Observer) -> Outcome:
             resume=True,
             threads=threads,
             start_name=run.start_name,
+            ladder=None if run.ladder else NO_LADDER,
         )
     except KeyboardInterrupt:
         return Outcome(run, INTERRUPTED)
@@ -89,7 +91,7 @@ def _start(run: Run, out: Path) -> Design | None:
     folder = out / run.name
     if (folder / CHECKPOINT).exists():
         checkpoint = last_checkpoint(folder)
-        same = checkpoint.problem.equals_but_for_name(run.problem)
+        same = checkpoint.goal.equals_but_for_name(run.problem)
         if same and checkpoint.start != run.start_name:
             raise RunFolderError(
                 f"{folder} holds an unfinished run from {checkpoint.start}, not from"

@@ -29,6 +29,7 @@ from ngspring.design.design import Design
 from ngspring.design.gallery import UnknownDesignError, gallery
 from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import CHECKPOINT, locked, read_design
+from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.problem.scaling import on_mesh
@@ -64,6 +65,13 @@ from ngspring.view.run_files import write_pictures
 @threads_option
 @click.option("--max-updates", type=int, help="Stop after this many design updates in all.")
 @click.option("--dt-initial", type=Finite(), help="First pseudo-time step.")
+@click.option(
+    "--ladder",
+    type=click.Choice(("on", "off")),
+    default="on",
+    show_default=True,
+    help="Coarse meshes come first (N/4, N/2), unless the start is a finished design.",
+)
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 @click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")
@@ -79,6 +87,7 @@ def optimize_command(
     threads: int | None,
     max_updates: int | None,
     dt_initial: float | None,
+    ladder: str,
     solver: str,
     report: bool,
     anyway: bool,
@@ -125,6 +134,7 @@ def optimize_command(
                 threads=threads,
                 solver=solver,
                 start_name=start_name,
+                ladder=None if ladder == "on" else NO_LADDER,
             )
         # Whoever watches the folder waits for what is still to come.
         with locked(folder):
@@ -135,6 +145,7 @@ def optimize_command(
             "--domain": domain,
             "--threads": threads,
             "--max-updates": max_updates,
+            "--ladder": None if ladder == "on" else ladder,
             "--out": folder,
             "--solver": None if solver == "auto" else solver,
             "--report": report,

@@ -26,12 +26,13 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
     if not update.accepted:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
+    mesh = f" on {row.elements} elements" if row.elements != problem.elements else ""
     forces = " ".join(
         f"{significant(q, 5)}/{point.q:g}"
         for q, point in zip(row.q, problem.control_points, strict=True)
     )
     return (
-        f"update {row.update:4} dt {row.dt:.1e}"
+        f"update {row.update:4}{mesh} dt {row.dt:.1e}"
         f"  newton {row.newton_iterations}  C {row.C:.4e}"
         f"  {width_symbol(problem)} {row.width:.4f}  q/target {forces}"
         f"  {row.seconds:.1f} s"
@@ -67,6 +68,8 @@ class LiveTable:
             table.add_row("starting", duration(since))
             return table
         table.add_row("design update", str(row.update))
+        if row.elements != problem.elements:
+            table.add_row("elements", str(row.elements), str(problem.elements))
         table.add_row("dt", f"{row.dt:.1e}")
         table.add_row("Newton iterations", str(row.newton_iterations))
         table.add_row("C", f"{row.C:.4e}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,13 +15,22 @@ from numpy.typing import NDArray
 from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.files import Part
 
-_FIRST = ("update", "dt", "newton_iterations", "rejected", "rejected_iterations", "leap", "C")
+_FIRST = (
+    "update",
+    "elements",
+    "dt",
+    "newton_iterations",
+    "rejected",
+    "rejected_iterations",
+    "leap",
+    "C",
+)
 _LAST = ("V", "width", "seconds")
 _KNOWN = (*_FIRST, *_LAST)
 #: Columns that count something.
-_WHOLE = ("update", "newton_iterations", "rejected", "rejected_iterations")
+_WHOLE = ("update", "elements", "newton_iterations", "rejected", "rejected_iterations")
 #: Columns that histories of older versions do not have.
-_ADDED = ("leap",)
+_ADDED = ("leap", "elements")
 #: Neither counts nor seconds are as large.
 _MOST = 1e12
 _OF_POINT = re.compile(r"(C_q|q)\d+")
@@ -36,9 +46,12 @@ class Row:
     ----------
     update : int
         Number of the design update; 0 is the initial design.
+    elements : int
+        N of the N x N mesh; 0 in histories of older versions, of runs on one mesh.
     dt : float
-        Pseudo-time step; infinite in the final one, 0 for the start and for a return to the path
-        from rest (`ngspring.evolution.branches`).
+        Pseudo-time step; infinite in the final one, 0 for the start, for the first state on another
+        mesh (`ngspring.evolution.ladder`) and for a return to the path from rest
+        (`ngspring.evolution.branches`).
     newton_iterations : int
         Of the accepted step.
     rejected, rejected_iterations : int
@@ -59,6 +72,7 @@ class Row:
     """
 
     update: int
+    elements: int = 0
     dt: float = math.nan
     newton_iterations: int = 0
     rejected: int = 0
@@ -76,11 +90,6 @@ class Row:
     def is_end(self) -> bool:
         """Whether the transient term was removed: the design is stationary."""
         return math.isinf(self.dt)
-
-    @property
-    def is_return(self) -> bool:
-        """Whether the states went back to the path from rest, where C jumps up."""
-        return self.update > 0 and self.dt == 0.0
 
     @property
     def leapt(self) -> bool:
@@ -120,7 +129,7 @@ class Row:
     def from_columns(cls, columns: Mapping[str, float]) -> Row:
         """A row of the stored table; what it does not hold has the default.
 
-        Histories of older versions have no ``leap``.
+        Histories of older versions have no ``leap`` or ``elements``.
         """
         plain: dict[str, Any] = {name: columns[name] for name in _KNOWN if name in columns}
         whole = {name: int(plain.pop(name)) for name in _WHOLE if name in plain}
@@ -144,6 +153,11 @@ def _numbered(prefix: str, columns: Mapping[str, float]) -> tuple[float, ...]:
     while (name := f"{prefix}{len(values) + 1}") in columns:
         values.append(columns[name])
     return tuple(values)
+
+
+def by_mesh(rows: Iterable[Row]) -> list[list[Row]]:
+    """Rows of a history, in order, parted where the mesh changes; the first is a mesh's start."""
+    return [list(group) for _, group in itertools.groupby(rows, key=lambda row: row.elements)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +224,8 @@ class History:
             if name not in columns and name not in _ADDED:
                 raise ValueError(f"its history has no column {name}")
         history = cls(columns, values)
-        counts = values[:, [columns.index(name) for name in (*_WHOLE, "seconds")]]
+        counted = [name for name in (*_WHOLE, "seconds") if name in columns]
+        counts = values[:, [columns.index(name) for name in counted]]
         others = np.delete(values, columns.index("dt"), axis=1)
         right = (history["dt"] >= 0.0).all() and (np.abs(others) < LARGEST).all()
         right &= ((counts >= 0.0) & (counts < _MOST)).all() and (counts[:, :-1] % 1 == 0).all()

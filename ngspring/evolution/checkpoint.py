@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 from collections.abc import Mapping
@@ -26,7 +27,7 @@ _PARTS = {
     **dict.fromkeys(("dt", "dt_previous"), NUMBER),
     **{f"{name}_{part}": Part("f", ndim) for name in _STATES for part, ndim in _STATE.items()},
     # Checkpoints of older versions have none.
-    "notes": Part("U", 0, needed=False),
+    **dict.fromkeys(("notes", "asked"), Part("U", 0, needed=False)),
     **HISTORY_PARTS,
 }
 
@@ -35,7 +36,8 @@ _PARTS = {
 class Checkpoint:
     """Everything needed to continue a run: last state, the one before, next dt, history.
 
-    A finished run has notes about its design, too.
+    A finished run has notes about its design, too. ``problem`` is that of the state; where that
+    lives on a coarser mesh (`ngspring.evolution.ladder`), ``asked`` is the one that was asked for.
     """
 
     problem: SpringProblem
@@ -46,6 +48,18 @@ class Checkpoint:
     history: History
     start: str
     notes: Mapping[str, Any] = field(default_factory=dict)
+    asked: SpringProblem | None = None
+
+    @property
+    def goal(self) -> SpringProblem:
+        """The problem that was asked for."""
+        return self.problem if self.asked is None else self.asked
+
+    def named(self, name: str) -> Checkpoint:
+        """The same for a problem of another name."""
+        return dataclasses.replace(
+            self, problem=self.problem.replace(name=name), asked=self.goal.replace(name=name)
+        )
 
     def save(self, path: PathLike) -> None:
         """Write the checkpoint atomically."""
@@ -53,6 +67,7 @@ class Checkpoint:
             "format": "ngspring-checkpoint",
             "version": VERSION,
             "problem": self.problem.to_toml(),
+            "asked": self.goal.to_toml(),
             "dt": self.dt,
             "dt_previous": self.dt_previous,
             "start": self.start,
@@ -91,6 +106,7 @@ class Checkpoint:
                 history,
                 printable(parts["start"], LONGEST_NOTE),
                 checked_notes(json.loads(parts.get("notes", "{}")), len(problem.control_points)),
+                SpringProblem.parse_toml(parts["asked"]) if "asked" in parts else problem,
             )
             checkpoint._check()
             return checkpoint

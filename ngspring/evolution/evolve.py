@@ -3,8 +3,9 @@
 Each design update solves the coupled system by backward Euler over dt
 (`ngspring.evolution.stepping`). After an easy update the next dt is larger, a failed one is
 repeated with a smaller dt; where dt does not grow any more, the design leaps along its drift
-between two updates (`ngspring.evolution.leaps`). In the end the transient term is removed and a
-last update gives the exact saddle point. Nothing is written here: see `ngspring.optimize`.
+between two updates (`ngspring.evolution.leaps`). Coarse meshes come first
+(`ngspring.evolution.ladder`). In the end the transient term is removed and a last update gives the
+exact saddle point. Nothing is written here: see `ngspring.optimize`.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ import numpy as np
 from ngspring.basics.checks import positive_number
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
-from ngspring.design.history import History, Row
+from ngspring.design.history import History, Row, by_mesh
 from ngspring.evolution.branches import path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
 from ngspring.evolution.stepping import Past, Stepper
 from ngspring.evolution.steprule import LeapRule, Rule
@@ -31,6 +33,7 @@ from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.start import Start, initial_state, start_design
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem, State
+from ngspring.problem.point import worst_deviation
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -69,9 +72,13 @@ class Evolution:
         newton: NewtonSettings,
         solver: str,
         threads: int | None,
+        ladder: Ladder,
     ) -> None:
         self.problem = problem
         self.over = False
+        self._ladder = ladder
+        #: The meshes that are still to come, the present one first.
+        self._rungs = ladder.rungs(problem, start)
         self.message = ""
         self._initial, self._dt_initial = start, dt_initial
         self._start = start_name or ("column" if start is None else "given")
@@ -82,6 +89,7 @@ class Evolution:
         self._stepper: Stepper | None = None
         self._rows: list[Row] = []
         self._rejected = self._rejected_iterations = 0
+        self._given_up = ""
         self._ended: dict[str, object] = {}
         self._seconds = 0.0
 
@@ -95,35 +103,99 @@ class Evolution:
         ProblemError
             If it is another problem's.
         """
-        if not checkpoint.problem.equals_but_for_name(self.problem):
+        asked = checkpoint.goal
+        if not asked.equals_but_for_name(self.problem):
             raise ProblemError(
                 "the checkpoint to resume from belongs to another problem"
-                f" ({checkpoint.problem.name or 'no name'}, {checkpoint.problem.elements} elements)"
+                f" ({asked.name or 'no name'}, {asked.elements} elements)"
             )
+        here = checkpoint.problem
+        above = [rung for rung in self._ladder.rungs(asked) if rung.elements > here.elements]
+        self._rungs = (here, *above)
         self._state, self._previous = checkpoint.state, checkpoint.previous
         self._dt, self._dt_previous = checkpoint.dt, checkpoint.dt_previous
         self._rows = checkpoint.history.rows()
         self._start = checkpoint.start
         self._seconds = self._rows[-1].seconds
         self._rejected = self._rejected_iterations = 0
+        self._given_up = ""
         self.checkpoint = checkpoint
         self.over, self.message = self._rows[-1].is_end, ""
         self._ended = dict(checkpoint.notes)
 
     def _set_up(self, threads: int) -> Update:
         """Make the system, and tell where the evolution stands."""
-        design = None if self._rows else start_design(self.problem, self._initial)
-        self._system = CoupledSystem(self.problem, self._solver, threads)
-        self._stepper = make_stepper(self._system, self._newton, self._rule)
+        design = None if self._rows else start_design(self._rungs[0], self._initial)
+        self._make_system(threads)
         if design is None:
-            if self._state.u.shape[1] != self._system.free:
+            if self._state.u.shape[1] != self._standing_on.free:
                 raise ProblemError("the checkpoint to resume from belongs to another mesh")
             return self._update(True, self._rows[-1].dt, resumed=True)
-        self._state = initial_state(self._system, design)
-        self._previous, self._dt_previous = self._state, 0.0
-        self._dt = self._unit if self._dt_initial is None else self._dt_initial
-        self._rows = [self._row(0.0)]
-        return self._update(True, self._dt)
+        return self._begin(initial_state(self._standing_on, design), self._first_dt)
+
+    def _make_system(self, threads: int) -> None:
+        self._system = CoupledSystem(self._rungs[0], self._solver, threads)
+        self._stepper = make_stepper(self._system, self._newton, self._rule)
+
+    def _begin(self, state: State, dt: float) -> Update:
+        """Take a state loaded from rest, with dt for the update to come."""
+        self._state = self._previous = state
+        self._dt, self._dt_previous = dt, 0.0
+        self._rejected = self._rejected_iterations = 0
+        self._rows.append(self._row(0.0))
+        return self._update(True, 0.0 if len(self._rows) > 1 else dt)
+
+    @property
+    def _first_dt(self) -> float:
+        return self._unit if self._dt_initial is None else self._dt_initial
+
+    @property
+    def _standing_on(self) -> CoupledSystem:
+        assert self._system is not None
+        return self._system
+
+    # -- meshes --------------------------------------------------------------------------------
+
+    @property
+    def _climbs(self) -> bool:
+        """Whether the present mesh has done its work, and another one is to come."""
+        if len(self._rungs) == 1 or self._stepper is None:
+            return False
+        return bool(self._given_up) or self._dt_previous >= self._ladder.leave * self._unit
+
+    def _climb(self, threads: int) -> Update:
+        """Go on from the present design on the next mesh, which decides what becomes of it."""
+        design = self.design
+        self._rungs, self._given_up = self._rungs[1:], ""
+        self._make_system(threads)
+        state, dt = self._carried(design)
+        logger.info("on to %d elements", self._rungs[0].elements)
+        return self._begin(state, dt)
+
+    def _carried(self, design: Design) -> tuple[State, float]:
+        """The state of a coarser mesh's design on this one, or the start where that went astray."""
+        system, place = self._standing_on, self._rungs[0]
+        coarse = design.problem.elements
+        try:
+            state = initial_state(system, design.with_problem(place))
+            why = ""
+        except ConvergenceError as error:
+            why = str(error)
+        else:
+            far = worst_deviation(place.control_points, state.forces(place)) or 0.0
+            if abs(far) <= self._ladder.astray:
+                return state, self._ladder.dt * self._unit
+            why = f"its forces deviate by {far:.0%}"
+        anew = initial_state(system, start_design(place, self._initial))
+        if "deviate" in why and system.terms(state)["C"] <= system.terms(anew)["C"]:
+            return state, self._ladder.dt * self._unit
+        logger.warning(
+            "the design on %d elements led astray (%s): %d elements begin from the start",
+            coarse,
+            why,
+            place.elements,
+        )
+        return anew, self._first_dt
 
     # -- loop ----------------------------------------------------------------------------------
 
@@ -131,14 +203,22 @@ class Evolution:
         # Why an earlier loop was left is of no importance to one that goes on.
         if not self.over:
             self.message, self._ended = "", {}
-        with parallel(self._threads, self.problem) as count:
-            self._clock = time.perf_counter()
-            if self._stepper is None:
-                yield self._set_up(count)
-            while not self.over:
-                update = self._advance(self._stepper)
-                if update is not None:
-                    yield update
+        self._clock = time.perf_counter()
+        while not self.over:
+            # How many threads pay is another question on every mesh.
+            with parallel(self._threads, self._rungs[self._climbs]) as count:
+                yield from self._on_a_mesh(count)
+
+    def _on_a_mesh(self, threads: int) -> Iterator[Update]:
+        """Updates until the next mesh is due, or the end."""
+        if self._stepper is None:
+            yield self._set_up(threads)
+        elif self._climbs:
+            yield self._climb(threads)
+        while not self.over and not self._climbs:
+            update = self._advance(self._stepper)
+            if update is not None:
+                yield update
 
     def _advance(self, stepper: Stepper | None) -> Update | None:
         """One design update, tried once; None if the evolution has failed without one."""
@@ -162,9 +242,10 @@ class Evolution:
         self._previous, self._dt_previous = self._state, dt
         self._state = outcome.state
         self._rows.append(self._row(dt, outcome))
-        self._dt = stepper.grown(self._past(), dt, outcome)
+        rest = stepper.rule.at_rest(dt / self._unit, outcome.iterations) and not self._rejected
+        self._dt = np.inf if rest else stepper.grown(self._past(), dt, outcome)
         self._rejected = self._rejected_iterations = 0
-        if np.isinf(dt):
+        if np.isinf(dt) and len(self._rungs) == 1:
             self.over = True
             self._ended = self._kind(outcome)
         return self._update(True, dt)
@@ -190,37 +271,40 @@ class Evolution:
         ConvergenceError
             If the path from rest ends early, or was left too often.
         """
-        assert self._system is not None
-        rest = path_from_rest(self._system, final)
-        if rest is not None and sum(row.is_return for row in self._rows) == RETURNS:
+        rest = path_from_rest(self._standing_on, final)
+        if rest is not None and sum(row.dt == 0.0 for row in self._on_this_mesh()[1:]) == RETURNS:
             raise ConvergenceError(f"it left it after each of {RETURNS} returns; try another start")
         return rest
 
     def _return_to(self, rest: State) -> Update:
-        self._state = self._previous = rest
-        self._dt, self._dt_previous = DT_RETURN * self._unit, 0.0
-        self._rejected = self._rejected_iterations = 0
-        self._rows.append(self._row(0.0))
-        return self._update(True, 0.0)
+        return self._begin(rest, DT_RETURN * self._unit)
 
     def _past(self) -> Past:
-        return Past(self._state, self._previous, self._rows, self._rejected)
+        return Past(self._state, self._previous, self._on_this_mesh(), self._rejected)
+
+    def _on_this_mesh(self) -> list[Row]:
+        """The rows of the present mesh; the first one is its start."""
+        return by_mesh(self._rows)[-1]
 
     def _kind(self, final: NewtonResult) -> dict[str, object]:
         """What is noted of the stationary point: what hangs on grey, and whether it is a minimum.
 
         The latter as far as the solver tells.
         """
-        assert self._system is not None
-        notes: dict[str, object] = {"grey": list(grey_shares(self._system, final.state))}
+        system = self._standing_on
+        notes: dict[str, object] = {"grey": list(grey_shares(system, final.state))}
         negative = final.negative_eigenvalues
-        if negative is None or negative == self._system.eigenvalues_of_a_minimum:
+        if negative is None or negative == system.eigenvalues_of_a_minimum:
             return notes
-        falling = negative - self._system.eigenvalues_of_a_minimum
+        falling = negative - system.eigenvalues_of_a_minimum
         logger.warning("C falls from the stationary point in %d directions", falling)
         return {**notes, "falling_directions": falling}
 
     def _fail(self, message: str) -> None:
+        if len(self._rungs) > 1:
+            logger.warning("given up on %d elements: %s", self._rungs[0].elements, message)
+            self._given_up = message
+            return
         self.over, self.message = True, message
         self._ended = {"failed": message}
 
@@ -232,14 +316,14 @@ class Evolution:
     # -- what there is to tell -----------------------------------------------------------------
 
     def _row(self, dt: float, outcome: NewtonResult | None = None) -> Row:
-        assert self._system is not None
-        values = self._system.terms(self._state)
+        values = self._standing_on.terms(self._state)
         width = self.problem.equivalent_width(values["V"]) / self.problem.H
         counts = {} if outcome is None else {"newton_iterations": outcome.iterations}
         numbers = {
             **values,
             **counts,
             "update": len(self._rows),
+            "elements": self._rungs[0].elements,
             "dt": dt,
             "rejected": self._rejected,
             "rejected_iterations": self._rejected_iterations,
@@ -273,7 +357,7 @@ class Evolution:
 
     @property
     def design(self) -> Design:
-        """The last accepted design."""
+        """The last accepted design, on the mesh that it was found on."""
         info = {
             "start": self._start,
             "q": [float(value) for value in self._state.forces(self.problem)],
@@ -281,12 +365,13 @@ class Evolution:
             "ngsolve": ng.__version__,
             **self._ended,
         }
-        shape = self.problem.coefficient_shape
-        return Design(self.problem, self._state.chi.reshape(shape), self.history, info)
+        here = self._rungs[0]
+        chi = self._state.chi.reshape(here.coefficient_shape)
+        return Design(here, chi, self.history, info)
 
     def _standing(self) -> Checkpoint:
         return Checkpoint(
-            self.problem,
+            self._rungs[0],
             self._state,
             self._previous,
             self._dt_previous,
@@ -294,6 +379,7 @@ class Evolution:
             self.history,
             self._start,
             self._ended,
+            self.problem,
         )
 
     @property
@@ -315,6 +401,7 @@ def evolve(
     rule: Rule | None = None,
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
+    ladder: Ladder | None = None,
 ) -> Evolution:
     """The evolution of a design, update by update, in a loop of the caller's.
 
@@ -330,7 +417,7 @@ def evolve(
         First pseudo-time step; 1 (times `time_unit`) by default.
     resume_from : Checkpoint, optional
         Continue from there, for example from an `Update.checkpoint`, instead of ``initial``.
-    threads, solver, rule, newton, start_name
+    threads, solver, rule, newton, start_name, ladder
         See `ngspring.optimize`.
 
     Returns
@@ -366,6 +453,7 @@ def evolve(
         newton or NewtonSettings(),
         solver,
         threads,
+        ladder or Ladder(),
     )
     if resume_from is not None:
         evolution.continue_from(resume_from)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import logging
 import os
 import shutil
@@ -156,13 +155,14 @@ def checkpoint_of(folder: Path, problem: SpringProblem, resume: bool) -> Checkpo
             f"{folder} holds a run already: resume it (--resume) or choose another folder"
         )
     checkpoint = last_checkpoint(folder)
-    if not checkpoint.problem.equals_but_for_name(problem):
+    asked = checkpoint.goal
+    if not asked.equals_but_for_name(problem):
         raise RunFolderError(
-            f"{folder} holds a run of another problem ({checkpoint.problem.name or 'no name'},"
-            f" {checkpoint.problem.elements} elements): choose another folder"
+            f"{folder} holds a run of another problem ({asked.name or 'no name'},"
+            f" {asked.elements} elements): choose another folder"
         )
-    if checkpoint.problem != problem:
-        checkpoint = dataclasses.replace(checkpoint, problem=problem)
+    if asked != problem:
+        checkpoint = checkpoint.named(problem.name)
         checkpoint.save(path)
     return checkpoint
 

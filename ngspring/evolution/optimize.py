@@ -11,6 +11,7 @@ from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
 from ngspring.evolution.evolve import Evolution, evolve
 from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, last_checkpoint, locked
+from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.recorder import CheckpointRecorder, SnapshotRecorder, write_result
 from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
@@ -33,6 +34,7 @@ def optimize(
     rule: Rule | None = None,
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
+    ladder: Ladder | None = None,
 ) -> Result:
     """Evolve a design until it is an exact stationary point of C* (Eq. 5).
 
@@ -62,6 +64,8 @@ def optimize(
     newton : NewtonSettings, optional
     start_name : str, optional
         Name of the start for the design's notes.
+    ladder : Ladder, optional
+        The coarse meshes that come first (`ngspring.evolution.ladder`); ``NO_LADDER`` for none.
 
     Returns
     -------
@@ -92,6 +96,7 @@ def optimize(
         rule=rule,
         newton=newton,
         start_name=start_name,
+        ladder=ladder,
     )
     if out is None:
         return _loop(evolution, max_updates, observers)

@@ -82,11 +82,14 @@ class SnapshotRecorder:
         if not update.accepted:
             return
         number = update.row.update
-        problem = update.design.problem
+        checkpoint = update.checkpoint
+        problem = update.design.problem if checkpoint is None else checkpoint.goal
         before = self._stored(problem) if self._kept is None else self._kept
         kept = {k: chi for k, chi in before.items() if k < number and self._wanted(k)}
         # Half precision ends at 65504; so deep in the void the digits do not matter.
-        chi = np.clip(update.design.coefficients, -LARGEST, LARGEST)
+        # All on the last mesh of a ladder.
+        design = update.design.with_problem(problem)
+        chi = np.clip(design.coefficients, -LARGEST, LARGEST)
         kept[number] = chi.astype(np.float16)
         self._kept = kept
         numbers = np.array(sorted(kept), dtype=np.int64)

@@ -24,6 +24,7 @@ from ngspring.design.soundness import flaw
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.folder import CHECKPOINT, DESIGN, in_use, in_use_since, last_checkpoint
 from ngspring.problem.scaling import force_unit
+from ngspring.problem.spring import SpringProblem
 
 RUNNING, STALE, CONVERGED = "running", "stale", "converged"
 STOPPED, FAILED = "stopped", "failed"
@@ -68,6 +69,8 @@ class RunState:
         The picture design.png of this design (PNG), if it has been drawn.
     closing : bool
         Whether the run has converged, but its curve and pictures are still to come.
+    goal : SpringProblem, optional
+        What was asked for, where the design is still on a coarser mesh.
     """
 
     design: Design
@@ -77,6 +80,12 @@ class RunState:
     curve: Curve | None = None
     states: bytes | None = None
     closing: bool = False
+    goal: SpringProblem | None = None
+
+    @property
+    def asked(self) -> SpringProblem:
+        """The problem that was asked for."""
+        return self.goal or self.design.problem
 
     @property
     def evolving(self) -> bool:
@@ -157,12 +166,13 @@ def read_run(folder: PathLike, ended: bool = False) -> RunState:
     if held:
         # A run that was resumed after a pause takes its time for the first update, too.
         updated = max(updated, in_use_since(folder))
-    design = _design_of(last_checkpoint(folder))
+    checkpoint = last_checkpoint(folder)
+    design = _design_of(checkpoint)
     status, reason = _status(design, folder, held, time.time() - updated)
     curve = _curve(folder, design)
     closing = status == CONVERGED and held is True and curve is None
     states = None if status in (RUNNING, STALE) or closing else _states(folder)
-    return RunState(design, status, reason, updated, curve, states, closing)
+    return RunState(design, status, reason, updated, curve, states, closing, checkpoint.goal)
 
 
 def stored_state(design: Design, folder: Path | None = None) -> RunState:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ngspring.evolution.steprule import Rows, StepRule
 from ngspring.kkt.elimination import Elimination
-from ngspring.kkt.newton import NewtonResult, NewtonSettings, solve_update
+from ngspring.kkt.newton import EXACT, NewtonResult, NewtonSettings, solve_update
 from ngspring.kkt.system import CoupledSystem, State
 
 #: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
@@ -80,9 +80,11 @@ class BackwardEuler(Stepper):
         return self.solved(past.state, dt, self.newton)
 
     def solved(self, state: State, dt: float, newton: NewtonSettings) -> NewtonResult:
-        """A backward Euler step over dt from a state."""
-        outcome = solve_update(self.system, state, state.chi, dt, newton, self.elimination)
-        return self._polished(outcome) if outcome.converged and np.isinf(dt) else outcome
+        """A backward Euler step over dt from a state; without transient term to the exact end."""
+        last = np.isinf(dt)
+        settings = newton.at_most(EXACT) if last else newton
+        outcome = solve_update(self.system, state, state.chi, dt, settings, self.elimination)
+        return self._polished(outcome) if outcome.converged and last else outcome
 
     def _polished(self, outcome: NewtonResult) -> NewtonResult:
         """The exact stationary point to rounding: two more Newton iterations, if they help."""

@@ -29,9 +29,13 @@ class StepRule:
     shrink : float
         A failed update is repeated with dt divided by this.
     end : float
-        The transient term is removed when dt exceeds this.
+        The transient term is removed when dt exceeds this ...
+    rest : float
+        ... or this, after an update of at most ``still`` Newton iterations: nothing moves any more.
+    still : int
+        See above.
     smallest : float
-        Give up below this dt. Both in units of the paper's domain, see `time_unit`.
+        Give up below this dt. All three in units of the paper's domain, see `time_unit`.
     """
 
     few: int = 6
@@ -40,7 +44,13 @@ class StepRule:
     easy: int = 3
     shrink: float = 4.0
     end: float = 1e20
+    rest: float = 1e14
+    still: int = 2
     smallest: float = 1e-8
+
+    def at_rest(self, dt: float, iterations: int) -> bool:
+        """Whether nothing moves any more, after an accepted update (dt in `time_unit`)."""
+        return iterations <= self.still and dt >= self.rest
 
     def grown(self, dt: float, iterations: int, rejected: int = 0) -> float:
         """Next dt after an accepted update that took so many Newton iterations.
@@ -53,7 +63,7 @@ class StepRule:
         return dt * self.growth if iterations < self.few else dt
 
 
-PAPER_RULE = StepRule(easy=0)
+PAPER_RULE = StepRule(easy=0, rest=np.inf)
 
 
 @dataclass(frozen=True)

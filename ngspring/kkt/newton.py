@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,10 @@ from ngspring.problem.scaling import force_unit, length_unit
 class NewtonSettings:
     """When a coupled Newton iteration has converged or failed.
 
+    The defaults are for updates on the way: Newton's method converges quadratically, so what it
+    leaves is far smaller than what it was stopped at, and what is left is taken up by the next
+    update. The last update is iterated to `EXACT`, and then to rounding.
+
     Parameters
     ----------
     chi_tolerance : float
@@ -29,10 +34,21 @@ class NewtonSettings:
         More than these are a failed step.
     """
 
-    chi_tolerance: float = 1e-3
-    u_tolerance: float = 1e-6
-    residual_tolerance: float = 1e-6
+    chi_tolerance: float = 0.5
+    u_tolerance: float = 1e-3
+    residual_tolerance: float = 1e-2
     max_iterations: int = 10
+
+    def at_most(self, other: NewtonSettings) -> NewtonSettings:
+        """The same with tolerances no larger than those of another."""
+        names = ("chi_tolerance", "u_tolerance", "residual_tolerance")
+        return dataclasses.replace(
+            self, **{name: min(getattr(self, name), getattr(other, name)) for name in names}
+        )
+
+
+#: Tolerances of the last update, without the transient term.
+EXACT = NewtonSettings(chi_tolerance=1e-3, u_tolerance=1e-6, residual_tolerance=1e-6)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from ngspring.basics.files import PathLike, attempt, write_text
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
-from ngspring.design.history import History
+from ngspring.design.history import History, by_mesh
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
 from ngspring.evolution.updates import Update
@@ -75,7 +75,7 @@ def keep_report(read: Callable[[], RunState], path: PathLike) -> bool:
 
 def report_page(state: RunState, refresh: int = REFRESH) -> str:
     """The report as HTML text."""
-    problem, history = state.design.problem, state.design.history
+    problem, history = state.asked, state.design.history
     history = history if history is not None and len(history) else None
     return page(
         "report.html",
@@ -91,6 +91,7 @@ def report_page(state: RunState, refresh: int = REFRESH) -> str:
         quantities=_quantities(problem, state.design.info),
         **_pictures(state, history),
         **({} if history is None else _convergence(history, problem)),
+        meshes=[] if history is None else _meshes(history, problem),
     )
 
 
@@ -108,7 +109,7 @@ def _summary(state: RunState, history: History | None) -> list[tuple[str, str]]:
         cards.append(("dt", step(history.last().dt)))
         cards.append(("elapsed", duration(state.elapsed or 0.0)))
         if state.evolving:
-            cards.append(("time left (estimate)", time_left_text(history, design.problem)))
+            cards.append(("time left (estimate)", time_left_text(history, state.asked)))
     return cards
 
 
@@ -144,6 +145,23 @@ def _updates(history: History) -> list[list[str]]:
         cells += [str(row.rejected), f"{row.C:.4e}", f"{row.width:.4f}"]
         cells += [significant(q, 5) for q in row.q]
         rows.append([*cells, duration(row.seconds)])
+    return rows
+
+
+def _meshes(history: History, problem: SpringProblem) -> list[list[str]]:
+    """What was done on each mesh, if there was more than one."""
+    meshes = by_mesh(history.rows())
+    if len(meshes) == 1:
+        return []
+    rows, before = [], 0.0
+    for mesh in meshes:
+        first, last = mesh[0], mesh[-1]
+        far = worst_deviation(problem.control_points, first.q)
+        cells = [f"{last.elements} × {last.elements}", str(last.update - first.update)]
+        cells += [str(sum(row.iterations for row in mesh)), step(last.dt)]
+        cells += [_NO_NUMBER if far is None else signed_percent(far, 3), f"{last.width:.4f}"]
+        rows.append([*cells, duration(last.seconds - before)])
+        before = last.seconds
     return rows
 
 
@@ -302,12 +320,18 @@ def _index_cells(state: RunState | str) -> tuple[str, ...]:
     status = f"{state.status}: {state.reason}" if state.reason else state.status
     if history is None or not len(history):
         return status, _NO_NUMBER, _NO_NUMBER, width, worst, _NO_NUMBER, _NO_NUMBER
-    left = time_left_text(history, design.problem) if state.evolving else _NO_NUMBER
+    left = time_left_text(history, state.asked) if state.evolving else _NO_NUMBER
     updates, dt = str(len(history) - 1), step(history.last().dt)
     return status, updates, dt, width, worst, duration(state.elapsed or 0.0), left
 
 
 # -- while a run goes on ---------------------------------------------------------------------------
+
+
+def _state_of(update: Update) -> RunState:
+    checkpoint = update.checkpoint
+    goal = None if checkpoint is None else checkpoint.goal
+    return RunState(update.design, RUNNING, updated=time.time(), goal=goal)
 
 
 class ReportWriter:
@@ -337,6 +361,6 @@ class ReportWriter:
         begin = time.monotonic()
         if not update.accepted or begin < self._next:
             return
-        keep_report(lambda: RunState(update.design, RUNNING, updated=time.time()), self.path)
+        keep_report(lambda: _state_of(update), self.path)
         end = time.monotonic()
         self._next = end + max(self.interval, 50 * (end - begin))

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ngspring.analysis.states import Curve
 from ngspring.basics.arrays import FloatArray
-from ngspring.design.history import History
+from ngspring.design.history import History, by_mesh
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import draw_curve
@@ -145,6 +145,7 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
     axes[3].set_xlim(0, max(1.0, float(update[-1])) * 1.02)
     for ax in axes:
         ax.grid(color="0.9")
+    _mark_meshes(axes, history)
     figure.align_ylabels(list(axes))
     last_width = history.last().width
     figure.suptitle(
@@ -154,6 +155,21 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
         fontsize=10,
     )
     return figure
+
+
+def _mark_meshes(axes: Sequence[Axes], history: History) -> None:
+    """Dashed lines where a finer mesh took over, with its elements at the foot of the first."""
+    for mesh in by_mesh(history.rows())[1:]:
+        for ax in axes:
+            ax.axvline(mesh[0].update, color="0.5", linestyle="--", linewidth=0.8)
+        axes[0].annotate(
+            f"{mesh[0].elements} × {mesh[0].elements}",
+            (mesh[0].update, 0.05),
+            xycoords=("data", "axes fraction"),
+            xytext=(3, 0),
+            textcoords="offset points",
+            fontsize=SMALL,
+        )
 
 
 def _style(j: int, point: ControlPoint, updates: int) -> dict[str, Any]:
