@@ -14,6 +14,9 @@ from .design.history import History as History
 from .design.snapshots import Snapshots as Snapshots
 from .evolution.evolve import Evolution as Evolution
 from .evolution.evolve import evolve as evolve
+from .evolution.family import Family as Family
+from .evolution.family import family as family
+from .evolution.follow import follow as follow
 from .evolution.ladder import NO_LADDER as NO_LADDER
 from .evolution.ladder import Ladder as Ladder
 from .evolution.optimize import optimize as optimize
@@ -68,6 +71,7 @@ __all__ = [
     "DesignFileError",
     "Evolution",
     "ExportError",
+    "Family",
     "Finding",
     "History",
     "Ladder",
@@ -97,6 +101,8 @@ __all__ = [
     "contact_load_displacement",
     "evolve",
     "export_body",
+    "family",
+    "follow",
     "gallery",
     "get_case",
     "load_displacement",

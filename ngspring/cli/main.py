@@ -33,6 +33,7 @@ COMMANDS = {
     "campaign": "Compute the runs listed in a TOML file.",
     "cases": "List the cases of the paper, and which have a stored design.",
     "check": "Check that designs are optimal and on target.",
+    "family": "Designs between two sets of targets, to pick one from.",
     "export": "Drawing, solid or mesh for a workshop.",
     "materials": "List common elastomers with their hardness and Young's modulus.",
     "optimize": "Design a spring for a case or a TOML file.",

@@ -25,6 +25,7 @@ from ngspring.evolution.branches import path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
+from ngspring.evolution.rows import row_of
 from ngspring.evolution.stepping import Past, Stepper
 from ngspring.evolution.steprule import LeapRule, Rule
 from ngspring.evolution.updates import Result, Update
@@ -316,22 +317,16 @@ class Evolution:
     # -- what there is to tell -----------------------------------------------------------------
 
     def _row(self, dt: float, outcome: NewtonResult | None = None) -> Row:
-        values = self._standing_on.terms(self._state)
-        width = self.problem.equivalent_width(values["V"]) / self.problem.H
-        counts = {} if outcome is None else {"newton_iterations": outcome.iterations}
-        numbers = {
-            **values,
-            **counts,
+        effort = {
             "update": len(self._rows),
-            "elements": self._rungs[0].elements,
             "dt": dt,
             "rejected": self._rejected,
             "rejected_iterations": self._rejected_iterations,
-            "leap": 0.0 if outcome is None else outcome.leap,
-            "width": width,
             "seconds": self._elapsed(),
         }
-        return Row.from_columns(numbers)
+        if outcome is not None:
+            effort |= {"newton_iterations": outcome.iterations, "leap": outcome.leap}
+        return row_of(self._standing_on, self._state, effort)
 
     def _update(self, accepted: bool, dt: float, reason: str = "", resumed: bool = False) -> Update:
         row = self._rows[-1]

@@ -24,6 +24,7 @@ from ngspring.kkt.matrix import BlockMaps
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Term
+from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import adjoint_unit, force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -135,8 +136,6 @@ class CoupledSystem:
         self.coefficients = self.extraction_chi.shape[1]
         self.free = self.extraction_u.shape[1] - 1
         self.points = problem.control_points
-        self._weights = np.array([point.weight for point in self.points])
-        self._targets = np.array([point.q for point in self.points])
         self._chi_unit = 1.0
         self._scale = 1.0
         # What makes s the same in all units: u is a length, lam an inverse force.
@@ -145,6 +144,7 @@ class CoupledSystem:
         self._top_unit = adjoint_unit(problem)
         self._maps: BlockMaps | None = None
         self._factorization: Factorization | None = None
+        self.retarget(self.points)
 
     # -- vectors ---------------------------------------------------------------------------------
 
@@ -158,6 +158,21 @@ class CoupledSystem:
                 self.extraction_u @ state.lam[j],
             ]
         )
+
+    def retarget(self, points: Sequence[ControlPoint]) -> None:
+        """Go over to other control points, as many as before; all else stays.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer.
+        """
+        if len(points) != len(self.points):
+            raise ValueError(f"{len(points)} control points instead of {len(self.points)}")
+        self.problem = self.problem.replace(control_points=tuple(points))
+        self.points = self.problem.control_points
+        self._weights = np.array([point.weight for point in self.points])
+        self._targets = np.array([point.q for point in self.points])
 
     def residual(self, state: State, chi_old: FloatArray, dt: float) -> Residual:
         """Eqs. 8, 7 and 4 at a state; ``dt = inf`` leaves the transient term out."""

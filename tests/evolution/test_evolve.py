@@ -10,7 +10,7 @@ import pytest
 import ngspring
 from ngspring import ControlPoint, SpringProblem, StepRule
 from ngspring.basics.errors import ProblemError
-from ngspring.design.history import History, Row
+from ngspring.design.history import History, Row, by_mesh
 
 SMALL = SpringProblem((ControlPoint(8.0, 2.0), ControlPoint(-8.0, -2.0)), elements=8, l_i=10.0)
 
@@ -110,11 +110,12 @@ def test_why_a_loop_was_left_is_a_note_of_the_design() -> None:
 
 def test_a_row_goes_into_the_table_and_back() -> None:
     row = Row(
-        3, 10.0, 4, 1, 7, -2.5, 0.1, {"volume": 0.05}, (0.01, 0.04), (2.0, -2.0), 99.0, 0.2, 1.5
+        3, 40, 10.0, 4, 1, 7, -2.5, 0.1, {"volume": 0.05}, (0.01, 0.04), (2.0, -2.0), 99.0, 0.2, 1.5
     )
     history = History.from_rows([row])
     assert history.columns == (
         "update",
+        "elements",
         "dt",
         "newton_iterations",
         "rejected",
@@ -137,19 +138,18 @@ def test_a_row_goes_into_the_table_and_back() -> None:
     assert row["q2"] == -2.0
 
 
-def test_a_history_of_an_older_version_has_no_leaps() -> None:
+def test_a_history_of_an_older_version_has_neither_leaps_nor_meshes() -> None:
     history = History(("update", "dt", "seconds"), np.array([[0.0, 1.0, 0.5], [1.0, np.inf, 0.7]]))
     start, end = history.rows()
     assert start.leap == 0.0
+    assert [len(mesh) for mesh in by_mesh(history.rows())] == [2]
     assert end.is_end
     assert not start.is_end
     assert end.seconds == 0.7
 
 
 def test_what_a_row_means() -> None:
-    assert Row(2, 0.0).is_return
-    assert not Row(0, 0.0).is_return
-    assert Row(1, 1.0, leap=-3.0, rejected=2).failed == 1
-    assert Row(1, 1.0, leap=3.0, rejected=2).failed == 2
-    assert Row(1, 1.0, leap=3.0).leapt
-    assert Row(1, 1.0, newton_iterations=4, rejected_iterations=6).iterations == 10
+    assert Row(1, dt=1.0, leap=-3.0, rejected=2).failed == 1
+    assert Row(1, dt=1.0, leap=3.0, rejected=2).failed == 2
+    assert Row(1, dt=1.0, leap=3.0).leapt
+    assert Row(1, dt=1.0, newton_iterations=4, rejected_iterations=6).iterations == 10
