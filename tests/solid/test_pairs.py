@@ -108,3 +108,14 @@ def test_the_energy_does_not_jump_when_a_corner_slides_past_a_point() -> None:
         low, high = (low, middle) if parts[0] > parts[1] else (middle, high)
         jump = max(parts)
     assert jump < 1e-5 * energies[k]
+
+
+def test_what_energy_needs_is_found_without_looking_ahead() -> None:
+    surface = fold()
+    search = PairSearch(surface, lobatto(6)[0])
+    pairs, inside = search.find(surface.rest), search.find(surface.rest, ahead=False)
+    negative = pairs.gap < 0.0
+    assert 20 < negative.sum() < len(pairs.gap)
+    for name in ("point", "edge", "s", "gap", "normal"):
+        found, expected = getattr(inside, name), getattr(pairs, name)[negative]
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)

@@ -182,10 +182,13 @@ class Contact:
         other.law = law
         return other
 
-    def state(self, full: FloatArray) -> ContactState:
-        """Find what touches what at these dofs of the VectorH1 space."""
+    def state(self, full: FloatArray, ahead: bool = True) -> ContactState:
+        """Find what touches what at these dofs of the VectorH1 space.
+
+        Without ``ahead`` no surface is looked for in front of points where nothing touches.
+        """
         positions = self.surface.positions(full)
-        pairs = self._search.find(positions)
+        pairs = self._search.find(positions, ahead)
         gaps = self._plane_gaps_at_rest + np.array(
             [rows @ full for rows in self._plane_rows]
         ).reshape(-1, len(self.edge))

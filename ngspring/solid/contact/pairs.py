@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ngspring.basics.arrays import FloatArray, IntArray
-from ngspring.solid.contact.surface import CURVATURES, Surface, outward, shapes, slopes
+from ngspring.solid.contact.surface import Surface, outward
 
 _SAMPLES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 _NEAREST = 4
@@ -73,53 +74,74 @@ class PairSearch:
         self._before = np.flatnonzero(first[order[place]] == last)
         self._after = order[place[self._before]]
 
-    def find(self, positions: FloatArray) -> Pairs:
-        """All pairs closer than about twice the longest edge."""
+    def find(self, positions: FloatArray, ahead: bool = True) -> Pairs:
+        """All pairs closer than about twice the longest edge.
+
+        Parameters
+        ----------
+        positions : array (nodes, 2)
+        ahead : bool
+            Without, only the pairs with a negative gap: all that energy and forces need, at a
+            fraction of the work.
+        """
         surface = self.surface
         points = surface.at(positions, self.s).reshape(-1, 2)
         normals = _unit(outward(surface.slopes_at(positions, self.s))).reshape(-1, 2)
-        chord = positions[surface.nodes[:, 2]] - positions[surface.nodes[:, 0]]
-        lengths = np.linalg.norm(chord, axis=1)
+        lengths = np.linalg.norm(np.diff(positions[surface.nodes[:, ::2]], axis=1)[:, 0], axis=1)
         reach = 2.0 * lengths.max()
-        ahead = self._ahead(positions, points, normals, reach)
-        inside = self._inside(positions, points, normals, chord)
-        point, edge, s = (np.concatenate(part) for part in zip(ahead, inside, strict=True))
-        x = positions[surface.nodes[edge]]
-        s, converged = _project(points[point], x, s)
-        t = np.einsum("pi,pic->pc", slopes(s), x)
-        normal = _unit(outward(t))
-        gap = ((points[point] - np.einsum("pi,pic->pc", shapes(s), x)) * normal).sum(1)
-        limit = self._overhang(positions)[edge]
+        turns = self._turns(positions)
+        overhang = self._overhang(turns)
+        point, edge, s = self._inside(positions, points, normals, lengths)
+        if ahead:
+            near = self._ahead(positions, points, normals, reach)
+            pairs = zip((point, edge, s), near, strict=True)
+            point, edge, s = (np.concatenate(part) for part in pairs)
+        s, gap, normal, converged = self._feet(positions, points[point], edge, s)
+        limit = overhang[edge]
         opposed = (normal * normals[point]).sum(1) < _OPPOSED
         seen = converged & opposed & (s >= -limit[:, 0]) & (s <= 1 + limit[:, 1])
-        seen &= (gap > -self._deepest(point, edge)) & (gap < reach)
-        beyond = np.maximum(np.maximum(-s, s - 1), 0.0) * lengths[edge]
+        seen &= (gap > -self._deepest(point, edge)) & (gap < (reach if ahead else 0.0))
+        found = Pairs(point[seen], edge[seen], s[seen], gap[seen], normal[seen])
+        return self._round_corners(positions, points, turns, self._nearest(found, lengths))
+
+    def _feet(
+        self, positions: FloatArray, points: FloatArray, edge: IntArray, s: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Parameters, gaps and normals at the feet of points on edges, and where they are found."""
+        start, slope, curvature = _parabolas(positions[self.surface.nodes[edge]])
+        offset = points - start
+        s, converged = _project(offset, slope, curvature, s)
+        normal = _unit(outward(slope + s[:, None] * curvature))
+        foot = s[:, None] * (slope + (s / 2)[:, None] * curvature)
+        return s, ((offset - foot) * normal).sum(1), normal, converged
+
+    def _nearest(self, pairs: Pairs, lengths: FloatArray) -> Pairs:
+        """The nearest of the pairs of each point."""
+        beyond = np.maximum(np.maximum(-pairs.s, pairs.s - 1), 0.0) * lengths[pairs.edge]
         # Where a point is inside, another surface ahead of it must not hide that: the energy
         # would jump.
-        order = np.lexsort([np.abs(gap) + 1e3 * beyond, gap >= 0.0, point, ~seen])
-        order = order[: int(seen.sum())]
-        _, first = np.unique(point[order], return_index=True)
-        best = order[first]
-        found = Pairs(point[best], edge[best], s[best], gap[best], normal[best])
-        return self._round_corners(positions, points, found)
+        order = np.lexsort([np.abs(pairs.gap) + 1e3 * beyond, pairs.gap >= 0.0, pairs.point])
+        _, first = np.unique(pairs.point[order], return_index=True)
+        k = order[first]
+        return Pairs(pairs.point[k], pairs.edge[k], pairs.s[k], pairs.gap[k], pairs.normal[k])
 
-    def _round_corners(self, positions: FloatArray, points: FloatArray, pairs: Pairs) -> Pairs:
+    def _round_corners(
+        self, positions: FloatArray, points: FloatArray, turns: FloatArray, pairs: Pairs
+    ) -> Pairs:
         """Where a point inside a sharp corner is nearer to the corner's other side, that side.
 
         It need not face the point. Without it the energy would jump when the corner slides past
         the point; so the distance from both sides is zero there.
         """
         convex = np.full((self.surface.edges, 2), -1)
-        turns = self._turns(positions) > _SHARP
-        convex[self._before[turns], 1] = self._after[turns]
-        convex[self._after[turns], 0] = self._before[turns]
+        sharp = turns > _SHARP
+        convex[self._before[sharp], 1] = self._after[sharp]
+        convex[self._after[sharp], 0] = self._before[sharp]
         neighbour = convex[pairs.edge, (pairs.s > 0.5).astype(int)]
         asked = np.flatnonzero((pairs.gap < 0.0) & (neighbour >= 0))
         edge, point = neighbour[asked], pairs.point[asked]
-        x = positions[self.surface.nodes[edge]]
-        s, converged = _project(points[point], x, np.where(pairs.s[asked] > 0.5, 0.0, 1.0))
-        normal = _unit(outward(np.einsum("pi,pic->pc", slopes(s), x)))
-        gap = ((points[point] - np.einsum("pi,pic->pc", shapes(s), x)) * normal).sum(1)
+        begin = np.where(pairs.s[asked] > 0.5, 0.0, 1.0)
+        s, gap, normal, converged = self._feet(positions, points[point], edge, begin)
         nearer = converged & (s >= 0.0) & (s <= 1.0) & (gap > pairs.gap[asked])
         changed = asked[nearer]
         edges, parameters, gaps, normals = (
@@ -154,7 +176,7 @@ class PairSearch:
         return point, sample // len(_SAMPLES), _SAMPLES[sample % len(_SAMPLES)]
 
     def _inside(
-        self, positions: FloatArray, points: FloatArray, normals: FloatArray, chord: FloatArray
+        self, positions: FloatArray, points: FloatArray, normals: FloatArray, lengths: FloatArray
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Every point with every edge that it may be inside of, and parameters to start with.
 
@@ -164,9 +186,11 @@ class PairSearch:
         nodes = positions[self.surface.nodes]
         radius = np.linalg.norm(nodes - nodes[:, 1:2], axis=2).max(axis=1)
         radius = radius + _DEEPEST * (self.rest_lengths + self.rest_lengths.max())
+        radius += np.where(self.surface.open_ends.any(1), _OPEN_OVERHANG, _OVERHANG) * lengths
         found = cKDTree(points).query_ball_point(nodes[:, 1], radius)
         edge = np.repeat(np.arange(len(nodes)), [len(k) for k in found])
-        point = np.concatenate([np.asarray(k, np.int64) for k in found])
+        point = np.fromiter(itertools.chain.from_iterable(found), np.int64, len(edge))
+        chord = nodes[:, 2] - nodes[:, 0]
         direction = _unit(outward(chord))
         apart = (direction[edge] * normals[point]).sum(1) < _ROUGHLY_OPPOSED
         point, edge = point[apart], edge[apart]
@@ -185,9 +209,9 @@ class PairSearch:
         angle = np.arctan2(cross, (t * after).sum(1))
         return np.asarray(np.where(angle > _FOLDED, angle - 2 * np.pi, angle))
 
-    def _overhang(self, positions: FloatArray) -> FloatArray:
+    def _overhang(self, turns: FloatArray) -> FloatArray:
         """By which part of its length each edge is prolonged at its two ends."""
-        concave = self._turns(positions) < 0.0
+        concave = turns < 0.0
         limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, 0.0)
         limit[self._before[concave], 1] = _OVERHANG
         limit[self._after[concave], 0] = _OVERHANG
@@ -199,22 +223,57 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.maximum(length, 1e-300))
 
 
+def _parabolas(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place, first and second derivative at s = 0 of the parabolas through (n, 3, 2) nodes."""
+    first, middle, last = x[:, 0], x[:, 1], x[:, 2]
+    return first, 4 * middle - 3 * first - last, 4 * (first + last) - 8 * middle
+
+
 def _project(
-    points: FloatArray, x: FloatArray, s: FloatArray
+    offset: FloatArray, slope: FloatArray, curvature: FloatArray, s: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Closest points of parabolas: Newton's method for ``(p - x(s)) . x'(s) = 0``."""
-    c = np.einsum("i,pic->pc", CURVATURES, x)
-    update = np.zeros_like(s)
+    """Closest points of parabolas: Newton's method for ``(p - x(s)) . x'(s) = 0``, a cubic in s.
+
+    Parameters
+    ----------
+    offset : array (n, 2)
+        Points, from the parabolas' beginnings.
+    slope, curvature : arrays (n, 2)
+        See `_parabolas`.
+    s : array (n,)
+        Where to start.
+
+    Returns
+    -------
+    s : array (n,)
+    found : bool array (n,)
+        Where the method has converged to a closest point, not to one that is furthest away.
+    """
+
+    def products(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
+
+    # f(s) = f_0 - s (f_1 + s (f_2 + s f_3))
+    factors = np.stack(
+        [
+            products(offset, slope),
+            products(slope, slope) - products(offset, curvature),
+            1.5 * products(slope, curvature),
+            0.5 * products(curvature, curvature),
+        ]
+    )
+    s, update = s.copy(), np.zeros_like(s)
+    moving = np.arange(len(s))
     for _ in range(20):
-        offset = points - np.einsum("pi,pic->pc", shapes(s), x)
-        t = np.einsum("pi,pic->pc", slopes(s), x)
-        curvature = (t * t).sum(1) - (offset * c).sum(1)
-        safe = np.where(curvature > 0.0, curvature, np.inf)
-        update = np.clip((offset * t).sum(1) / safe, -0.5, 0.5)
-        s = np.clip(s + update, -1.0, 2.0)
-        if np.abs(update).max(initial=0.0) < 1e-14:
+        f_0, f_1, f_2, f_3 = factors[:, moving]
+        here = s[moving]
+        falls = f_1 + here * (2 * f_2 + here * 3 * f_3)
+        value = f_0 - here * (f_1 + here * (f_2 + here * f_3))
+        change = np.clip(value / np.where(falls > 0.0, falls, np.inf), -0.5, 0.5)
+        update[moving] = change
+        s[moving] = np.clip(here + change, -1.0, 2.0)
+        moving = moving[np.abs(change) >= 1e-14]
+        if not len(moving):
             break
-    t = np.einsum("pi,pic->pc", slopes(s), x)
-    offset = points - np.einsum("pi,pic->pc", shapes(s), x)
-    curvature = (t * t).sum(1) - (offset * c).sum(1)
-    return s, (np.abs(update) < 1e-10) & (curvature > 0.0)
+    _, f_1, f_2, f_3 = factors
+    return s, (np.abs(update) < 1e-10) & (f_1 + s * (2 * f_2 + s * 3 * f_3) > 0.0)
