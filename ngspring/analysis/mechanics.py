@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ngspring.analysis.newton import Step, newton
-from ngspring.analysis.path import Steps, departure, stepped
+from ngspring.analysis.path import Steps, extrapolated, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.constraints import displacement_extraction, stretched
@@ -70,19 +70,8 @@ class Equilibrium:
     before: Equilibrium | None = None
 
     def predicted(self, d: float) -> FloatArray:
-        """Guess of the free displacements at another d of the path.
-
-        Along the cubic through this point and the one before with their tangents; along the tangent
-        alone where there is none, or a kink between the two.
-        """
-        step, before = d - self.d, self.before
-        if before is None or departure(before, self) > _SMOOTH:
-            return self.u + step * self.tangent
-        h = self.d - before.d
-        secant = (self.u - before.u) / h
-        second = (4 * self.tangent + 2 * before.tangent - 6 * secant) / h
-        third = 6 * (self.tangent + before.tangent - 2 * secant) / h**2
-        return self.u + step * (self.tangent + step * (second / 2 + step * third / 6))
+        """Guess of the free displacements at another d of the path, see `extrapolated`."""
+        return extrapolated(self.before, self, d, _SMOOTH)
 
 
 class Mechanics:

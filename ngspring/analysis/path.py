@@ -142,6 +142,22 @@ def departure(here: Point, there: Point) -> float:
     return float(max(off / (abs(step) * of_q + rounding), moved / max(abs(step) * of_u, 1e-300)))
 
 
+def extrapolated(before: Point | None, here: Point, d: float, smooth: float) -> FloatArray:
+    """Guess of the free unknowns at another d of the path through two equilibria.
+
+    Along the cubic through both with their tangents; along the tangent of ``here`` alone where
+    there is none before, or a kink between the two: a `departure` of more than ``smooth``.
+    """
+    step = d - here.d
+    if before is None or departure(before, here) > smooth:
+        return here.u + step * here.tangent
+    h = here.d - before.d
+    secant = (here.u - before.u) / h
+    second = (4 * here.tangent + 2 * before.tangent - 6 * secant) / h
+    third = 6 * (here.tangent + before.tangent - 2 * secant) / h**2
+    return here.u + step * (here.tangent + step * (second / 2 + step * third / 6))
+
+
 class Followed(Protocol[P]):
     """A body whose load path can be followed."""
 

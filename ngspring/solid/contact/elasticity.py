@@ -112,8 +112,9 @@ class Solid:
         with tasks():
             self._form.AssembleLinearization(self.u.vec)
         rows, columns = csr_pattern(self._form)
-        self._pattern = product_pattern(rows, columns, self.matrix, self.matrix)
-        self._map = product_map(rows, columns, self.matrix, self.matrix, self._pattern)
+        #: Places of `tangent_values`, both triangles.
+        self.pattern = product_pattern(rows, columns, self.matrix, self.matrix)
+        self._map = product_map(rows, columns, self.matrix, self.matrix, self.pattern)
         reduced = self.tangent(np.zeros(self.space.ndof))
         self.diagonal_at_rest: FloatArray = np.array(reduced.diagonal()[: self.free])
 
@@ -141,10 +142,14 @@ class Solid:
 
     def tangent(self, full: FloatArray) -> sp.csr_matrix:
         """Second derivative by the free unknowns and d (last row and column), both triangles."""
+        return self.pattern.matrix(self.tangent_values(full))
+
+    def tangent_values(self, full: FloatArray) -> FloatArray:
+        """The entries of `tangent` in the places of `pattern`."""
         self.set(full)
         with tasks():
             self._form.AssembleLinearization(self.u.vec)
-        return self._pattern.matrix(self._map @ stored_values(self._form))
+        return np.asarray(self._map @ stored_values(self._form))
 
     def inverted(self, full: FloatArray) -> bool:
         """Whether det F <= 0 at an integration point or a vertex."""

@@ -3,31 +3,26 @@
 A minimum of the total energy, strain energy plus contact: Newton's method with the exact second
 derivative, steps limited by `ngspring.solid.contact.tunnelling.Skeleton` and by a line search on
 the energy, and a shift of the matrix where it is not positive definite, so that each step goes
-downhill.
+downhill. While steps with the same factors still bring forces down well, they are used again: a
+new tangent costs as much as four evaluations of the forces.
 """
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from ngspring.analysis.newton import NewtonError, Step, newton
-from ngspring.analysis.path import Steps, stepped
+from ngspring.analysis.path import Steps, departure, extrapolated, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
-from ngspring.fem.linear import (
-    Factorization,
-    inertia,
-    make_factorization,
-    multiply,
-    symmetric,
-    wants_upper,
-)
 from ngspring.solid.contact.contact import Contact, ContactState
 from ngspring.solid.contact.elasticity import Solid
+from ngspring.solid.contact.factors import Factors, Tangent
 from ngspring.solid.contact.tunnelling import Skeleton
 
 logger = logging.getLogger(__name__)
@@ -35,11 +30,16 @@ logger = logging.getLogger(__name__)
 #: Softer laws on the way, from what overlap on (in units of epsilon), and their accuracy.
 _SOFTER = (400.0, 20.0)
 _DEEP = 4.0
+#: Surfaces touch from what overlap on, in the same units.
+_PRESSED = 1e-6
 _ROUGH = 1e-4
+
 _PREDICTIONS = 8
-#: Stiffness of the spring that holds a floating part in the linear systems, as a share of the
-#: diagonal: far below that of a contact that begins, which alone may hold the part.
-_HOLD = 1e-6
+#: The last factors serve again after a step that left no more than this part of the forces.
+_EASY = 0.1
+#: Up to this `departure` of two points of a path the next one is guessed by a cubic, and looked for
+#: with the factors of the last one.
+_SMOOTH, _STRAIGHT = 5e-3, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,9 @@ class ContactPoint:
     residual : float
         Norm of the forces on the free unknowns in N.
     iterations : int
+        Tangents that it took.
+    before : ContactPoint, optional
+        The point before on the same path, without what was before it.
     """
 
     d: float
@@ -76,14 +79,33 @@ class ContactPoint:
     contact: ContactState
     residual: float
     iterations: int
+    before: ContactPoint | None = None
 
 
-@dataclass(frozen=True, eq=False)
 class _State:
-    full: FloatArray
-    contact: ContactState
-    energy: float
-    force: FloatArray
+    """Forces, and the energy where it is asked for, at some displacements."""
+
+    def __init__(self, solid: Solid, law: Contact, full: FloatArray, ahead: bool) -> None:
+        self._solid, self._law = solid, law
+        self.full = full
+        self.contact: ContactState = law.state(full, ahead)
+        forces = solid.forces(full) + law.forces(self.contact)
+        self.force = np.asarray(solid.transposed @ forces)
+
+    @cached_property
+    def energy(self) -> float:
+        """Strain and contact energy in N mm."""
+        return self._solid.energy(self.full) + self._law.energy(self.contact)
+
+    @property
+    def imbalance(self) -> float:
+        """Norm of the forces on the free unknowns in N."""
+        return float(np.linalg.norm(self.force[:-1]))
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no element is inverted at an integration point."""
+        return bool(np.isfinite(self.force).all())
 
 
 class ContactMechanics:
@@ -132,143 +154,137 @@ class ContactMechanics:
         self.size = size
         self._small = 1e-3 * force
         contact.leave_out_held(solid.matrix)
-        self._solver, self._threads = solver, threads
         self._rounding = 1e-16 * float(solid.diagonal_at_rest.max(initial=0.0)) * size**2
-        self._factorization: Factorization | None = None
+        self._factors = Factors(solid, solver, threads)
+        #: Unknowns and tangent of the last equilibrium, and the unknowns the factors belong to.
+        self._last: tuple[FloatArray, Tangent] | None = None
+        self._factorized: FloatArray | None = None
 
     def full_field(self, d: float, u: FloatArray) -> FloatArray:
         """Dofs of the VectorH1 space."""
         return np.asarray(self.solid.matrix @ np.append(u, d))
 
-    def _state(self, d: float, u: FloatArray, law: Contact | None = None) -> _State:
+    def _state(
+        self, d: float, u: FloatArray, law: Contact | None = None, ahead: bool = False
+    ) -> _State:
         law = self.contact if law is None else law
-        full = self.full_field(d, u)
-        contact = law.state(full)
-        energy = self.solid.energy(full) + law.energy(contact)
-        force = self.solid.transposed @ (self.solid.forces(full) + law.forces(contact))
-        return _State(full, contact, energy, np.asarray(force))
+        return _State(self.solid, law, self.full_field(d, u), ahead)
 
-    def _admissible(self, state: _State) -> bool:
-        return bool(np.isfinite(state.energy) and np.isfinite(state.force).all())
-
-    def _tangent(
-        self, state: _State, law: Contact | None = None
-    ) -> tuple[sp.csr_matrix, FloatArray, float]:
-        """Matrix of the free unknowns, its column of d, and their corner."""
-        stiffness = self.solid.tangent(state.full)
-        if not np.isfinite(stiffness.data).all():
+    def _tangent(self, state: _State, law: Contact | None = None) -> Tangent:
+        stiffness = self.solid.tangent_values(state.full)
+        if not np.isfinite(stiffness).all():
             raise ConvergenceError("the tangent has entries that are not finite")
         law = self.contact if law is None else law
-        contact = law.second_derivative(state.contact, self.solid.matrix)
-        total = sp.csr_matrix(stiffness + contact)
-        n = self.solid.free
-        column = np.asarray(total[:n, n].todense()).ravel()
-        return sp.csr_matrix(total[:n, :n]), column, float(total[n, n])
+        return Tangent(stiffness, law.second_derivative(state.contact, self.solid.matrix))
 
-    def _factorize(self, matrix: sp.csr_matrix, shift: float) -> int:
-        """Factorise; returns how many eigenvalues are negative (0 if not known)."""
-        extra = shift * self.solid.diagonal_at_rest
-        floating = self.solid.floating
-        extra[floating] += _HOLD * self.solid.diagonal_at_rest[floating]
-        matrix = matrix + sp.diags_array(extra)
-        triangle = sp.triu(matrix) if wants_upper(self._solver) else sp.tril(matrix)
-        triangle = sp.csr_matrix(triangle)
-        triangle.sort_indices()
-        factorization = self._factorization
-        if factorization is None:
-            factorization = make_factorization(triangle, self._solver, self._threads)
-            self._factorization = factorization
-        elif not _same_pattern(factorization.matrix, triangle):
-            # What touches what decides the pattern.
-            factorization.set_pattern(triangle)
-        factorization.matrix.data[:] = triangle.data
-        try:
-            factorization.factorize()
-        except Exception as error:
-            raise ConvergenceError(f"the factorisation failed: {error}") from error
-        negative = factorization.negative_eigenvalues
-        return (inertia(symmetric(triangle)) if negative is None else negative) or 0
+    def _factorize(
+        self, tangent: Tangent, shift: float = 0.0, more: sp.csr_matrix | None = None
+    ) -> int:
+        self._factorized = None
+        return self._factors.factorize(tangent, shift, more)
 
-    def _solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution with the last matrix, refined once."""
-        assert self._factorization is not None
-        x = self._factorization.solve(rhs)
-        residual = rhs - multiply(self._factorization.matrix, x)
-        return np.asarray(x + self._factorization.solve(residual))
-
-    def _direction(self, matrix: sp.csr_matrix, force: FloatArray) -> tuple[FloatArray, float]:
+    def _direction(self, tangent: Tangent, force: FloatArray) -> tuple[FloatArray, float]:
         """A downhill Newton step, and the shift that it took."""
         shift = 0.0
         while True:
-            negative = self._factorize(matrix, shift)
-            update = self._solve(-force)
+            negative = self._factorize(tangent, shift)
+            update = self._factors.roughly(-force)
             if not negative and np.isfinite(update).all() and update @ force <= 0.0:
                 return update, shift
             shift = max(10 * shift, 1e-5)
             if shift > 1e4:
                 raise ConvergenceError("no downhill direction was found")
 
-    def equilibrium(self, d: float, guess: FloatArray) -> ContactPoint:
+    def equilibrium(self, d: float, guess: FloatArray, again: bool = False) -> ContactPoint:
         """Minimum of the energy at a prescribed d, from an admissible guess.
 
         Where surfaces overlap in the guess more than they will in equilibrium, softer contact laws
-        first find out what touches: with the stiff one, points would bounce.
+        first find out what touches: with the stiff one, points would bounce. The last factors are
+        tried ``again`` first.
 
         Raises
         ------
         ConvergenceError
             If it is not found.
         """
-        u, iterations = guess, 0
+        u, made = guess, 0
         state = self._state(d, u)
-        if not self._admissible(state):
+        if not state.admissible:
             raise ConvergenceError("the initial guess inverts an element")
         contact = self.contact
         if state.contact.smallest_gap < -_DEEP * contact.law.epsilon:
             for factor in _SOFTER:
                 softer = contact.with_law(contact.law.softened(factor))
-                u, made = self._minimise(d, u, softer, _ROUGH)
-                iterations += made
-        u, made = self._minimise(d, u, contact, self.ACCURACY)
-        return self._finished(d, u, iterations + made)
+                u, _, more = self._minimise(d, u, self._state(d, u, softer), softer, _ROUGH)
+                made += more
+            state = self._state(d, u)
+            again = False
+        while made <= self.MAX_ITERATIONS:
+            u, state, more = self._minimise(d, u, state, contact, self.ACCURACY, again)
+            made += more
+            point, moved = self._finished(d, u, state, made)
+            if moved <= 100 * self.ACCURACY * self.size:
+                return point
+            u, state, made, again = point.u, self._state(d, point.u), made + 1, True
+        raise ConvergenceError("the unknowns move where forces are in balance")
 
     def _minimise(
-        self, d: float, u: FloatArray, contact: Contact, accuracy: float
-    ) -> tuple[FloatArray, int]:
-        """Newton's method until forces and updates are small; returns u and the iterations."""
-        shift = [0.0]
+        self,
+        d: float,
+        u: FloatArray,
+        state: _State,
+        contact: Contact,
+        accuracy: float,
+        again: bool = False,
+    ) -> tuple[FloatArray, _State, int]:
+        """Newton's method until forces and updates are small; returns u and the tangents made.
+
+        With the exact law, whoever goes on from there (`_finished`) looks at the update.
+        """
+        shift, made, left = 0.0, 0, 0.0 if again else 1.0
+        exact = contact is self.contact
 
         def direction(u: FloatArray, state: _State) -> FloatArray:
-            matrix, _, _ = self._tangent(state, contact)
-            update, shift[0] = self._direction(matrix, state.force[:-1])
+            nonlocal shift, made
+            if left <= _EASY:
+                return self._factors.roughly(-state.force[:-1])
+            made += 1
+            update, shift = self._direction(self._tangent(state, contact), state.force[:-1])
             return update
 
         def longest(u: FloatArray, update: FloatArray) -> float:
-            begin, end = self.full_field(d, u), self.full_field(d, u + update)
+            # Collisions on a way far beyond the body would be all that there are.
+            part = min(1.0, self.size / max(float(np.abs(update).max(initial=0.0)), 1e-300))
+            begin, end = self.full_field(d, u), self.full_field(d, u + part * update)
             free_way = self.skeleton.largest_step(begin, end)
-            return 1.0 if free_way == 1.0 else 0.9 * free_way
+            return part if free_way == 1.0 else 0.9 * free_way * part
 
         def acceptable(step: Step[_State]) -> bool:
             before, after = step.before, step.after
+            if not after.admissible:
+                return False
+            if shift == 0.0 and after.imbalance <= _EASY * before.imbalance:
+                return True
             slope = float(step.update @ before.force[:-1])
             # Rounding of the energy must not stop the last steps.
             rounding = 1e-12 * abs(before.energy) + self._rounding
             bound = before.energy + 1e-4 * step.length * slope + rounding
-            return self._admissible(after) and after.energy <= bound
+            return after.energy <= bound
 
         norm = np.inf
 
         def converged(step: Step[_State]) -> bool:
-            nonlocal norm
-            force = step.after.force
-            norm = float(np.linalg.norm(force[:-1]))
-            small = step.length == 1.0 and step.size <= 100 * accuracy * self.size
-            return small and shift[0] == 0.0 and norm <= accuracy * (self._small + abs(force[-1]))
+            nonlocal left, norm
+            norm = step.after.imbalance
+            whole = step.length == 1.0 and shift == 0.0
+            left = norm / max(step.before.imbalance, 1e-300) if whole else 1.0
+            small = exact or step.size <= 100 * accuracy * self.size
+            return whole and small and norm <= self._tolerance(step.after, accuracy)
 
         try:
-            u, _, iterations = newton(
+            u, state, _ = newton(
                 u,
-                self._state(d, u, contact),
+                state,
                 evaluate=lambda u: self._state(d, u, contact),
                 direction=direction,
                 acceptable=acceptable,
@@ -280,18 +296,26 @@ class ContactMechanics:
             )
         except NewtonError as error:
             raise ConvergenceError(f"{error} (forces out of balance by {norm:.2g} N)") from None
-        return u, iterations
+        return u, state, made
 
-    def _finished(self, d: float, u: FloatArray, iterations: int) -> ContactPoint:
-        """One more Newton step, to rounding, and the tangent of the path."""
-        state = self._state(d, u)
-        matrix, column, corner = self._tangent(state)
-        if self._factorize(matrix, 0.0):
+    def _tolerance(self, state: _State, accuracy: float) -> float:
+        """Norm of the forces in N that counts as balanced."""
+        return accuracy * (self._small + abs(float(state.force[-1])))
+
+    def _finished(
+        self, d: float, u: FloatArray, state: _State, iterations: int
+    ) -> tuple[ContactPoint, float]:
+        """One more Newton step, to rounding, the tangent of the path, and how far u has moved."""
+        matrix = self._tangent(state)
+        column, corner = matrix.of_d(self.solid.pattern)
+        if self._factorize(matrix):
             raise ConvergenceError("the equilibrium is not stable")
-        u = u - self._solve(state.force[:-1])
-        state = self._state(d, u)
-        tangent = -self._solve(column)
-        return ContactPoint(
+        update = -self._factors.solve(state.force[:-1])
+        u = u + update
+        state = self._state(d, u, ahead=True)
+        tangent = -self._factors.solve(column)
+        self._last, self._factorized = (u, matrix), u
+        point = ContactPoint(
             d=d,
             u=u,
             # What is left out of balance belongs to q, weighted by du/dd.
@@ -300,35 +324,55 @@ class ContactMechanics:
             stiffness=corner + float(column @ tangent),
             energy=state.energy,
             contact=state.contact,
-            residual=float(np.linalg.norm(state.force[:-1])),
+            residual=state.imbalance,
             iterations=iterations,
         )
+        return point, float(np.abs(update).max(initial=0.0))
+
+    def _tangent_at(self, here: ContactPoint) -> Tangent:
+        """The tangent of an equilibrium, which is often the last one that was found."""
+        if self._last is None or self._last[0] is not here.u:
+            self._last = here.u, self._tangent(self._state(here.d, here.u))
+        return self._last[1]
+
+    def touching(self, point: ContactPoint) -> bool:
+        """Whether surfaces press on each other.
+
+        By more than rounding: in a crease two edges share a point, whose gap is zero.
+        """
+        return point.contact.smallest_gap < -_PRESSED * self.contact.law.epsilon
 
     def predicted(self, here: ContactPoint, d: float) -> FloatArray:
-        """A guess for the free unknowns at d: the tangent of the path, contact ahead included.
+        """A guess for the free unknowns at d: along the path so far, contact ahead included.
 
-        Where gaps of the present state would close on the tangent, they are held (nearly) closed,
-        in linear theory, and the tangent is found again until that set stays the same.
+        Where gaps of the present state would close on the way, they are held (nearly) closed, in
+        linear theory, and the guess is found again until that set stays the same.
         """
-        change = d - here.d
-        step = change * here.tangent
+        along = extrapolated(here.before, here, d, _SMOOTH) - here.u
+        change, step = d - here.d, along
         gaps, rows, areas = self.contact.linear_gaps(here.contact, self.solid.matrix)
         n = self.solid.free
         rows, gaps = sp.csr_matrix(rows[:, :n]), gaps + change * rows[:, [n]].toarray().ravel()
         closing = gaps + rows @ step < 0.0
         if not closing.any():
             return here.u + step
-        state = self._state(here.d, here.u)
-        matrix, column, _ = self._tangent(state)
+        matrix = self._tangent_at(here)
         for _ in range(_PREDICTIONS):
             held = rows[closing]
             weight = self.contact.law.kappa * areas[closing]
-            self._factorize(sp.csr_matrix(matrix + held.T @ sp.diags_array(weight) @ held), 0.0)
-            step = self._solve(-change * column - held.T @ (weight * gaps[closing]))
+            self._factorize(matrix, more=sp.csr_matrix(held.T @ sp.diags_array(weight) @ held))
+            overlap = gaps[closing] + held @ along
+            step = along - self._factors.solve(held.T @ (weight * overlap))
             before, closing = closing, gaps + rows @ step < 0.0
             if np.array_equal(before, closing):
                 break
         return here.u + step
+
+    def _is_straight(self, here: ContactPoint) -> bool:
+        """Whether the factors are those of this point, and good enough for the next one."""
+        if here.before is None or self._factorized is not here.u:
+            return False
+        return departure(here.before, here) <= _STRAIGHT
 
     def advanced(
         self, here: ContactPoint, target: float, tried: float
@@ -344,7 +388,8 @@ class ContactMechanics:
             end = self.full_field(d, guess)
             free_way = self.skeleton.largest_step(begin, end)
             if free_way == 1.0 and not self.solid.inverted(end):
-                there = self.equilibrium(d, guess)
+                there = self.equilibrium(d, guess, self._is_straight(here))
+                there = replace(there, before=replace(here, before=None))
                 gap = there.contact.smallest_gap
                 log = "d = %.6g mm: q = %.8g N, %d iterations, gap %.3g mm"
                 logger.info(log, there.d, there.q, there.iterations, gap)
@@ -360,11 +405,3 @@ class ContactMechanics:
     def at_rest(self) -> ContactPoint:
         """The undeformed state."""
         return self.equilibrium(0.0, np.zeros(self.solid.free))
-
-
-def _same_pattern(a: sp.csr_matrix, b: sp.csr_matrix) -> bool:
-    return (
-        len(a.indices) == len(b.indices)
-        and np.array_equal(a.indptr, b.indptr)
-        and np.array_equal(a.indices, b.indices)
-    )
