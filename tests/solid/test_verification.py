@@ -466,3 +466,11 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert len(text.strip().splitlines()) == 1
     assert "Traceback" not in text
     assert not list(tmp_path.iterdir())
+
+
+def test_a_crease_is_no_contact() -> None:
+    """C3 folds at -10.6 mm: two edges share the crease's point, whose gap is zero but rounding."""
+    body = mesh_body(gallery["C3"])
+    response = contact_load_displacement(body, [-10.7], threads=1)
+    assert response.complete, response.message
+    assert response.contact_starts == ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ngspring.basics.errors import ConvergenceError
 from ngspring.solid.contact.mechanics import ContactMechanics, ContactPoint
 
@@ -17,11 +19,11 @@ def contact_onset(
     while abs(high - low.d) > accuracy:
         d = (low.d + high) / 2
         try:
-            middle = mechanics.equilibrium(d, low.u + (d - low.d) * low.tangent)
+            middle = mechanics.equilibrium(d, mechanics.predicted(low, d))
         except ConvergenceError:
             break
-        if middle.contact.smallest_gap < 0.0:
+        if mechanics.touching(middle):
             high = d
         else:
-            low = middle
+            low = replace(middle, before=replace(low, before=None))
     return (low.d + high) / 2

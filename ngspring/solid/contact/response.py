@@ -155,13 +155,14 @@ class ContactResponse:
 class _Watch:
     """Counts iterations and notes between which two points contact starts."""
 
+    mechanics: ContactMechanics
     last: ContactPoint
     iterations: int = 0
     onset: tuple[ContactPoint, ContactPoint] | None = None
 
     def __call__(self, point: ContactPoint) -> None:
         self.iterations += point.iterations + 1
-        if self.onset is None and point.contact.smallest_gap < 0.0:
+        if self.onset is None and self.mechanics.touching(point):
             self.onset = self.last, point
         self.last = point
 
@@ -239,7 +240,7 @@ def contact_load_displacement(
         messages, starts, iterations = [], [], rest.iterations + 1
         jumps: list[Jump] = []
         for side in both_ways(targets):
-            watch = _Watch(rest)
+            watch = _Watch(mechanics, rest)
             reached, message = follow(mechanics, side, rest, on_point=watch, on_jump=jumps.append)
             points += reached
             iterations += watch.iterations
