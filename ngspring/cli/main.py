@@ -29,7 +29,7 @@ from ngspring.cli.streams import tolerant_streams
 #: Each command with its short help. The command ``name`` is ``name_command`` in ``name.py`` here.
 COMMANDS = {
     "animate": "Film of a design's deformation or evolution.",
-    "bench": "Time a coupled Newton iteration here.",
+    "bench": "Time a Newton iteration or a whole run here.",
     "campaign": "Compute the runs listed in a TOML file.",
     "cases": "List the cases of the paper, and which have a stored design.",
     "check": "Check that designs are optimal and on target.",

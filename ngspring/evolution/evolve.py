@@ -34,6 +34,7 @@ from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.start import Start, initial_state, start_design
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.timings import Timings
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
@@ -74,6 +75,7 @@ class Evolution:
         solver: str,
         threads: int | None,
         ladder: Ladder,
+        timings: Timings | None = None,
     ) -> None:
         self.problem = problem
         self.over = False
@@ -84,7 +86,7 @@ class Evolution:
         self._initial, self._dt_initial = start, dt_initial
         self._start = start_name or ("column" if start is None else "given")
         self._rule, self._newton = rule, newton
-        self._solver, self._threads = solver, threads
+        self._solver, self._threads, self._timings = solver, threads, timings
         self._unit = time_unit(problem)
         self._system: CoupledSystem | None = None
         self._stepper: Stepper | None = None
@@ -135,7 +137,7 @@ class Evolution:
         return self._begin(initial_state(self._standing_on, design), self._first_dt)
 
     def _make_system(self, threads: int) -> None:
-        self._system = CoupledSystem(self._rungs[0], self._solver, threads)
+        self._system = CoupledSystem(self._rungs[0], self._solver, threads, timings=self._timings)
         self._stepper = make_stepper(self._system, self._newton, self._rule)
 
     def _begin(self, state: State, dt: float) -> Update:
@@ -397,6 +399,7 @@ def evolve(
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
     ladder: Ladder | None = None,
+    timings: Timings | None = None,
 ) -> Evolution:
     """The evolution of a design, update by update, in a loop of the caller's.
 
@@ -412,7 +415,7 @@ def evolve(
         First pseudo-time step; 1 (times `time_unit`) by default.
     resume_from : Checkpoint, optional
         Continue from there, for example from an `Update.checkpoint`, instead of ``initial``.
-    threads, solver, rule, newton, start_name, ladder
+    threads, solver, rule, newton, start_name, ladder, timings
         See `ngspring.optimize`.
 
     Returns
@@ -449,6 +452,7 @@ def evolve(
         solver,
         threads,
         ladder or Ladder(),
+        timings,
     )
     if resume_from is not None:
         evolution.continue_from(resume_from)

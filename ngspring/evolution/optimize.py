@@ -17,6 +17,7 @@ from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
 from ngspring.kkt.newton import NewtonSettings
 from ngspring.kkt.start import Start
+from ngspring.kkt.timings import Timings
 from ngspring.problem.spring import SpringProblem
 
 
@@ -35,6 +36,7 @@ def optimize(
     newton: NewtonSettings | None = None,
     start_name: str | None = None,
     ladder: Ladder | None = None,
+    timings: Timings | None = None,
 ) -> Result:
     """Evolve a design until it is an exact stationary point of C* (Eq. 5).
 
@@ -66,6 +68,8 @@ def optimize(
         Name of the start for the design's notes.
     ladder : Ladder, optional
         The coarse meshes that come first (`ngspring.evolution.ladder`); ``NO_LADDER`` for none.
+    timings : Timings, optional
+        Where the seconds are added up, see `ngspring.evolution.bench`.
 
     Returns
     -------
@@ -87,6 +91,7 @@ def optimize(
         raise ProblemError(f"max_updates = {shown(max_updates)} must be an integer of at least 1")
     if resume and out is None:
         raise ProblemError("resume needs the run folder, out")
+    timings = timings or Timings()
     evolution = evolve(
         problem,
         initial,
@@ -97,6 +102,7 @@ def optimize(
         newton=newton,
         start_name=start_name,
         ladder=ladder,
+        timings=timings,
     )
     if out is None:
         return _loop(evolution, max_updates, observers)
@@ -105,7 +111,8 @@ def optimize(
         checkpoint = checkpoint_of(folder, problem, resume)
         if checkpoint is not None:
             evolution.continue_from(checkpoint)
-        files = (CheckpointRecorder(folder / CHECKPOINT), SnapshotRecorder(folder / SNAPSHOTS))
+        recorders = (CheckpointRecorder(folder / CHECKPOINT), SnapshotRecorder(folder / SNAPSHOTS))
+        files = [timings.timed("files", recorder) for recorder in recorders]
         try:
             result = _loop(evolution, max_updates, (*files, *observers))
         except KeyboardInterrupt:
@@ -114,7 +121,8 @@ def optimize(
                 evolution.continue_from(last_checkpoint(folder))
                 write_result(folder, evolution.result)
             raise
-        write_result(folder, result)
+        with timings.part("files"):
+            write_result(folder, result)
         return result
 
 

@@ -52,6 +52,19 @@ def checked_threads(threads: int | None) -> int:
     return int(threads)
 
 
+def threads_for(problem: SpringProblem | None, threads: int | None = None) -> int:
+    """The number of threads: what is asked for, or one if the mesh is too small for more, or all.
+
+    Raises
+    ------
+    ProblemError
+        See `checked_threads`.
+    """
+    if threads is None and problem is not None and _is_small(problem):
+        threads = 1
+    return checked_threads(threads)
+
+
 @contextmanager
 def parallel(threads: int | None = None, problem: SpringProblem | None = None) -> Iterator[int]:
     """Let NGSolve use this many threads; yields the number.
@@ -64,9 +77,7 @@ def parallel(threads: int | None = None, problem: SpringProblem | None = None) -
     ProblemError
         See `checked_threads`: NGSolve would crash with none, and take all memory for thousands.
     """
-    if threads is None and problem is not None and _is_small(problem):
-        threads = 1
-    count = checked_threads(threads)
+    count = threads_for(problem, threads)
     ng.SetNumThreads(count)
     # NumPy's own threads bring nothing to sums and products of vectors, and go on spinning after
     # each: they take the processors from NGSolve and MKL.

@@ -18,6 +18,7 @@ from ngspring.analysis.newton import NewtonError, Step, newton
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.timings import Timings, timed
 from ngspring.problem.scaling import force_unit
 
 
@@ -50,6 +51,12 @@ class Elimination:
         self._mechanics.set_design(chi, eta)
         return self._mechanics
 
+    @property
+    def timings(self) -> Timings:
+        """Those of the system."""
+        return self.system.timings
+
+    @timed("equilibrium")
     def relax(self, old: State, new: State) -> State:
         """The state ``new`` with u in equilibrium where it was far from it.
 

@@ -14,6 +14,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
 from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.timings import timed
 from ngspring.problem.spring import SpringProblem
 
 Start = Design | Callable[[FloatArray, FloatArray], Any]
@@ -69,6 +70,7 @@ def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics],
     return bodies, [reached[point.eta, point.d] for point in system.points]
 
 
+@timed("path")
 def initial_state(system: CoupledSystem, design: Design) -> State:
     """Equilibrium (Eq. 4) and adjoint (Eq. 7) states of a design.
 

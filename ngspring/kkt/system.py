@@ -9,9 +9,8 @@ either side while K is, so that a symmetric factorisation needs no pivoting (des
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import Factorization, make_factorization, multiply, wants_upper
 from ngspring.fem.process import giving_memory_back
 from ngspring.kkt.matrix import BlockMaps
+from ngspring.kkt.timings import Timings, timed
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Term
@@ -80,25 +80,6 @@ class Residual:
         return all(bool(np.isfinite(a).all()) for a in (self.chi, self.u, self.lam))
 
 
-@dataclass
-class Timings:
-    """Seconds spent, summed over all calls since it was made."""
-
-    assembly: float = 0.0
-    reduction: float = 0.0
-    factorisation: float = 0.0
-    solve: float = 0.0
-    residual: float = 0.0
-    counts: dict[str, int] = field(default_factory=dict)
-
-    def add(self, name: str, start: float) -> float:
-        """Add the time since ``start`` to a part and return the present time."""
-        now = time.perf_counter()
-        setattr(self, name, getattr(self, name) + now - start)
-        self.counts[name] = self.counts.get(name, 0) + 1
-        return now
-
-
 class CoupledSystem:
     """Residual, exact tangent and solution of the coupled system.
 
@@ -111,6 +92,8 @@ class CoupledSystem:
         Threads of the factorisation; NGSolve's own are set by `ngspring.fem.process.parallel`.
     terms : sequence of Term
         The terms of the objective beside the control points'.
+    timings : Timings, optional
+        Where the seconds are added up; its own by default.
     """
 
     def __init__(
@@ -119,22 +102,13 @@ class CoupledSystem:
         solver: str = "auto",
         threads: int = 1,
         terms: Sequence[Term] = TERMS,
+        timings: Timings | None = None,
     ) -> None:
         self.problem = problem
         self.solver = solver
         self.threads = threads
-        self.grid = Grid(problem)
-        self.scalar = ScalarSpace(self.grid)
-        self.extraction_chi = spline_extraction(self.scalar)
-        self.displacement = displacement_extraction(self.scalar)
-        self.extraction_u = self.displacement.matrix
-        self._transposed_chi = self.extraction_chi.T.tocsr()
-        self._transposed_u = self.extraction_u.T.tocsr()
-        self.control_point = ControlPointForm(self.scalar, terms)
-        self.design = DesignForm(self.scalar, terms)
-        self.timings = Timings()
-        self.coefficients = self.extraction_chi.shape[1]
-        self.free = self.extraction_u.shape[1] - 1
+        self.timings = Timings() if timings is None else timings
+        self._build(terms)
         self.points = problem.control_points
         self._chi_unit = 1.0
         self._scale = 1.0
@@ -145,6 +119,21 @@ class CoupledSystem:
         self._maps: BlockMaps | None = None
         self._factorization: Factorization | None = None
         self.retarget(self.points)
+
+    @timed("preparation")
+    def _build(self, terms: Sequence[Term]) -> None:
+        """Mesh, spaces and forms."""
+        self.grid = Grid(self.problem)
+        self.scalar = ScalarSpace(self.grid)
+        self.extraction_chi = spline_extraction(self.scalar)
+        self.displacement = displacement_extraction(self.scalar)
+        self.extraction_u = self.displacement.matrix
+        self._transposed_chi = self.extraction_chi.T.tocsr()
+        self._transposed_u = self.extraction_u.T.tocsr()
+        self.control_point = ControlPointForm(self.scalar, terms)
+        self.design = DesignForm(self.scalar, terms)
+        self.coefficients = self.extraction_chi.shape[1]
+        self.free = self.extraction_u.shape[1] - 1
 
     # -- vectors ---------------------------------------------------------------------------------
 
@@ -174,9 +163,9 @@ class CoupledSystem:
         self._weights = np.array([point.weight for point in self.points])
         self._targets = np.array([point.q for point in self.points])
 
+    @timed("residual")
     def residual(self, state: State, chi_old: FloatArray, dt: float) -> Residual:
         """Eqs. 8, 7 and 4 at a state; ``dt = inf`` leaves the transient term out."""
-        start = time.perf_counter()
         n = self.scalar.ndof
         terms: dict[str, FloatArray] = {}
         with np.errstate(all="ignore"):
@@ -199,9 +188,9 @@ class CoupledSystem:
             lam[:, -1] -= self._targets + state.lam[:, -1] / self._weights
         chi = sum(terms.values(), np.zeros(self.coefficients))
         norms = {name: float(np.linalg.norm(term)) for name, term in terms.items()}
-        self.timings.add("residual", start)
         return Residual(chi, u, lam, norms)
 
+    @timed("terms")
     def terms(self, state: State) -> dict[str, float]:
         """Objective C with its terms (no transient one), each C_q, each q, and the volume V."""
         values = self.design.values(self.extraction_chi @ state.chi)
@@ -247,20 +236,14 @@ class CoupledSystem:
         LinearSolveError
             If an entry is not finite, or the factorisation breaks down.
         """
-        maps = self._maps
-        if maps is None:
-            with giving_memory_back():
-                maps = self._maps = self._build_maps(state)
-        if self._factorization is None:
-            self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
-            maps.triangle = self._factorization.matrix
-        start = time.perf_counter()
+        maps = self._prepared(state)
+        unit = self._lam_unit
         # s of the size of lam: with a larger one the two halves cancel in the Schur complement of
         # chi and digits are lost (s = 1 costs seven of them near the optimum).
-        unit = self._lam_unit
         s = float(np.clip(np.abs(state.lam).max() / unit, 1e-8, 1.0)) * unit / self._length_unit
         self._scale = s
-        chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
+        with self.timings.part("assembly"):
+            chi_chi = maps.design(self.design, self.extraction_chi @ state.chi, dt)
         # chi in units that give its rows the size of the mechanical ones (they differ by 1e8).
         diagonal = np.abs(chi_chi[maps.chi_diagonal]).mean()
         known = 0 < diagonal < np.inf
@@ -268,20 +251,37 @@ class CoupledSystem:
         self._chi_unit = t
         scales = t, s, self._top_unit
         for j, point in enumerate(self.points):
-            vector = self.control_point_vector(state, j)
-            stored, void = self.control_point.tangent(vector, point.eta)
-            start = self.timings.add("assembly", start)
-            chi_chi += maps.write_control_point(j, stored, void, point.weight, scales)
-            start = self.timings.add("reduction", start)
-        maps.write("chi_chi", t**2 * chi_chi)
-        if not np.isfinite(maps.triangle.data).all():
+            with self.timings.part("assembly"):
+                vector = self.control_point_vector(state, j)
+                stored, void = self.control_point.tangent(vector, point.eta)
+            with self.timings.part("reduction"):
+                chi_chi += maps.write_control_point(j, stored, void, point.weight, scales)
+        with self.timings.part("reduction"):
+            maps.write("chi_chi", t**2 * chi_chi)
+            finite = np.isfinite(maps.triangle.data).all()
+        if not finite:
             raise LinearSolveError("the Newton matrix has entries that are not finite")
-        start = self.timings.add("reduction", start)
+        self._factorize()
+
+    @timed("factorisation")
+    def _factorize(self) -> None:
+        assert self._factorization is not None
         try:
             self._factorization.factorize()
         except Exception as error:
             raise LinearSolveError(f"the factorisation failed: {error}") from error
-        self.timings.add("factorisation", start)
+
+    @timed("preparation")
+    def _prepared(self, state: State) -> BlockMaps:
+        """The patterns and index maps, and a factorisation for them; made when first needed."""
+        maps = self._maps
+        if maps is None:
+            with giving_memory_back():
+                maps = self._maps = self._build_maps(state)
+        if self._factorization is None:
+            self._factorization = make_factorization(maps.triangle, self.solver, self.threads)
+            maps.triangle = self._factorization.matrix
+        return maps
 
     def _build_maps(self, state: State) -> BlockMaps:
         vector = self.control_point_vector(state, 0)
@@ -364,6 +364,7 @@ class CoupledSystem:
             parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:] / self._top_unit]
         return self._unpack_residual(self._multiply(np.concatenate(parts)))
 
+    @timed("solve")
     def solve(self, residual: Residual) -> State:
         """Newton update ``-matrix^-1 residual``, refined until every block is solved.
 
@@ -377,7 +378,6 @@ class CoupledSystem:
         LinearSolveError
             If a block cannot be solved to 1e-6 of one or 1e-3 of the other.
         """
-        start = time.perf_counter()
         assert self._factorization is not None
         assert self._maps is not None
         rhs = -self._pack(residual)
@@ -397,7 +397,6 @@ class CoupledSystem:
             if not (trial_error / fine).max() < 0.5 * (error / fine).max():
                 break
             x, remaining, error = trial, trial_remaining, trial_error
-        self.timings.add("solve", start)
         if not np.isfinite(error).all():
             raise LinearSolveError("the linear solution is not finite")
         self.linear_error = float((error / np.maximum(size, 1e-300)).max())

@@ -413,6 +413,15 @@ def test_bench() -> None:
     assert "peak memory" in out
 
 
+def test_bench_of_a_run_says_where_the_time_went_and_keeps_nothing(tmp_path: Path) -> None:
+    options = ("--run", "c7", "--elements", 8, "--max-updates", 1, "--threads", 1)
+    out = invoke("bench", *options).stdout
+    for row in ("equilibrium", "pictures", "the rest", "whole run", "rejected", "peak memory"):
+        assert row in out
+    assert "stopped after 1 design updates" in out
+    assert not list(tmp_path.iterdir())
+
+
 NAMES = ("$x^{$", "costs $5, $\\\\frac$ \\\\$", "漢字 😀", "x" * 200)
 
 
@@ -638,6 +647,9 @@ def test_bad_toml(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("bench --elements 5", "even integer"),
         ("bench --control-points 0", "control points"),
         ("bench --repeat 0", "--repeat"),
+        ("bench --run C7 --repeat 2", "--repeat does not go with --run"),
+        ("bench --max-updates 2", "--max-updates belongs to --run"),
+        ("bench --run C99", "C99"),
     ],
 )
 def test_bad_arguments(
