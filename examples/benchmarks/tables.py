@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ngspring.basics.files import write_text
+from ngspring.evolution.bench import PARTS as WORDS
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results.json"
@@ -115,6 +116,21 @@ def run_row(name: str, run: Answer) -> list[str]:
     ]  # fmt: skip
 
 
+def ends_line(results: Answer) -> str:
+    """Whether both codes ended at the same spring by the paper's rule."""
+    ours = {r["elements"]: r for r in results.get("runs", []) if r["rule"] == "paper"}
+    lines = []
+    for theirs in results.get("their_runs", []):
+        run = ours.get(theirs["elements"], theirs)
+        if run is not theirs and run["message"] == theirs["message"] == "converged":
+            apart = abs(run["width"] / theirs["width"] - 1)
+            lines.append(
+                f"By the paper's rule both codes end at the same spring on {size(run)} elements:"
+                f" their W/H differ by {apart:.0e}."
+            )
+    return "\n".join(lines) or "No run of both codes went to its end by the paper's rule."
+
+
 def estimates(results: Answer) -> list[tuple[Answer, Answer]]:
     """Runs of ngspring by the paper's rule whose iterations GetFEM was timed for, but not run."""
     really = {run["elements"] for run in results.get("their_runs", [])}
@@ -143,9 +159,10 @@ def where_table(results: Answer) -> str:
     if not runs:
         return ""
     header = ("", *(f"{size(run)}, {run['rule']}, {threads(run)}" for run in runs))
-    names = [name for name in runs[0]["parts"] if name != "pictures"]
     rows = [
-        [name, *(f"{run['parts'][name] / run['seconds']:.0%}" for run in runs)] for name in names
+        [words, *(f"{run['parts'][name] / run['seconds']:.0%}" for run in runs)]
+        for name, words in WORDS.items()
+        if name != "pictures"
     ]
     return table(header, rows)
 
@@ -170,9 +187,12 @@ def growth_table(results: Answer) -> str:
 def machine_line(results: Answer) -> str:
     """Where and with what it was measured."""
     m = results["machine"]
+    busy = (
+        " The machine was busy: seconds are too long, and ratios rough." if m["load"] > 0.5 else ""
+    )
     return (
         f"Measured on {m['processors']} processors ({m['model']}), load {m['load']:.1f} before it"
-        f" began; NGSolve {m['ngsolve']}, linear solver {m['solver']}; {m['getfem']}."
+        f" began; NGSolve {m['ngsolve']}, linear solver {m['solver']}; {m['getfem']}.{busy}"
     )
 
 
@@ -192,6 +212,7 @@ PARTS = {
     "pairs": pairs_table,
     "parts": parts_table,
     "runs": runs_table,
+    "ends": ends_line,
     "where": where_table,
     "growth": growth_table,
 }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import json
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ngspring.evolution.bench import PARTS
 from ngspring.kkt.bench import bench_problem
 from ngspring.kkt.system import CoupledSystem, State
 from ngspring.kkt.timings import Timings
@@ -112,7 +112,12 @@ def pair(ours: list[float], theirs: list[float]) -> dict[str, Any]:
 def whole_run(**changes: Any) -> dict[str, Any]:
     run = {"elements": 40, "threads": 1, "rule": "paper", "seconds": 60.0, "updates": 90}
     run |= {"iterations": 290, "rejected_iterations": 10, "message": "converged", "width": 0.25}
-    return {**run, "memory": 0.4, "parts": {"assembly": 45.0, "rest": 15.0}, **changes}
+    return {
+        **run,
+        "memory": 0.4,
+        "parts": {**dict.fromkeys(PARTS, 0.0), "assembly": 45.0},
+        **changes,
+    }
 
 
 def test_ratios_are_of_pairs_measured_in_turn(tables: ModuleType) -> None:
@@ -142,6 +147,19 @@ def test_an_estimated_run_says_so_and_gives_way_to_a_real_one(tables: ModuleType
     text = tables.runs_table(results)
     assert "estimated" not in text
     assert "GetFEM, run (out of time)" in text
+
+
+def test_runs_that_ended_are_compared_by_their_design(tables: ModuleType) -> None:
+    results = {"runs": [whole_run()], "their_runs": [whole_run(width=0.25 * (1 + 3e-9))]}
+    assert "40 x 40 elements: their W/H differ by 3e-09" in tables.ends_line(results)
+    results["their_runs"][0]["message"] = "out of time"
+    assert "No run of both" in tables.ends_line(results)
+
+
+def test_shares_of_a_run_are_of_its_seconds(tables: ModuleType) -> None:
+    text = tables.where_table({"runs": [whole_run()]})
+    assert "| assembly | 75% |" in text
+    assert "pictures" not in text
 
 
 def test_growth_says_where_a_code_gave_up(tables: ModuleType) -> None:
@@ -204,17 +222,10 @@ def test_parts_of_an_iteration_are_timed_by_name(
     assert isinstance(code.system.timings, Timings)
 
 
-def getfem_is_there() -> bool:
-    try:
-        done = subprocess.run([GETFEM, "-c", "import getfem, scipy"], capture_output=True)
-    except OSError:
-        return False
-    return done.returncode == 0
-
-
 @pytest.mark.slow
-@pytest.mark.skipif(not getfem_is_there(), reason=f"{GETFEM} has no GetFEM (python3-getfem)")
 def test_getfem_has_the_same_residual_and_the_same_update(measure: ModuleType) -> None:
+    if not measure.has_getfem(GETFEM):
+        pytest.skip(f"{GETFEM} has no GetFEM (python3-getfem)")
     found = measure.pairs(40, 1, 1, GETFEM)
     assert max(found["agreement"]["residual"].values()) < 1e-8
     assert max(found["agreement"]["update"].values()) < 1e-6
