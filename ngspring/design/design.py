@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import real_array, shown
@@ -138,7 +137,8 @@ class Design:
 
     def density(self, x: Any, y: Any) -> FloatArray:
         """rho(chi) of Eq. 2 at points of the full domain."""
-        return np.asarray(expit(self.chi(x, y)))
+        # Deeper in the void exp(-chi) would overflow.
+        return np.asarray(1 / (1 + np.exp(-np.maximum(self.chi(x, y), -200.0))))
 
     @property
     def volume(self) -> float:

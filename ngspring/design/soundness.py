@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage
 
 from ngspring.design.design import Design
 
@@ -26,10 +25,13 @@ def neck_density(design: Design) -> float:
     Every way from end to end leads through material of this density or less: 1 for a black part,
     and less than 1/2 if {chi > 0} is not connected.
     """
+    # It takes as long to import as all else that a picture needs.
+    from scipy import ndimage
+
     problem = design.problem
     n = _PER_ELEMENT * problem.elements + 1
     x, y = np.linspace(0.0, problem.L, n), np.linspace(0.0, problem.H, n)
-    density = 1 / (1 + np.exp(-np.maximum(design.chi(x[:, None], y[None, :]), -200.0)))
+    density = design.density(x[:, None], y[None, :])
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

@@ -17,7 +17,6 @@ A design is therefore an array of shape ``(N/2 + 1, N/2)`` whatever domain it is
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.problem.spring import SpringProblem
@@ -49,24 +48,6 @@ def greville_points(problem: SpringProblem) -> tuple[FloatArray, FloatArray]:
     y = (np.arange(ny) + 0.5) * problem.h_y
     grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
     return grid_x, grid_y
-
-
-def hierarchical_functionals(cells: int, fold: IntArray) -> sp.csr_matrix:
-    """Coefficients -> hierarchical quadratic finite element dofs on a line.
-
-    Row ``2 i`` is the value at vertex ``i``; row ``2 i + 1`` is the *bubble* of cell ``i``: the
-    value in its middle minus the mean of its ends. Quadratic splines are piecewise quadratic, so
-    these rows reproduce them exactly.
-    """
-    vertex = np.arange(cells + 1)
-    cell = np.arange(cells)
-    rows = np.concatenate([2 * vertex, 2 * vertex] + [2 * cell + 1] * 3)
-    splines = np.concatenate([vertex, vertex + 1, cell, cell + 1, cell + 2])
-    weights = np.concatenate(
-        [np.full(2 * (cells + 1), 0.5)] + [np.full(cells, w) for w in (-0.125, 0.25, -0.125)]
-    )
-    shape = (2 * cells + 1, int(fold.max()) + 1)
-    return sp.csr_matrix((weights, (rows, fold[splines])), shape=shape)
 
 
 def _values_and_index(
@@ -105,7 +86,7 @@ def evaluate(
     ValueError
         For a point outside the domain, or NaN (a rounding error outside is accepted).
     """
-    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    x, y = np.asarray(x, float), np.asarray(y, float)
     for name, value, size in (("x", x, problem.L), ("y", y, problem.H)):
         bad = ~((value >= -1e-9 * size) & (value <= (1 + 1e-9) * size))
         if bad.any():
@@ -113,11 +94,27 @@ def evaluate(
                 f"{name} = {value[bad].flat[0]:g} lies outside the domain, 0 <= {name} <= {size:g}"
             )
     cells = problem.elements
+    ix, iy = fold_x(cells), fold_y(cells)
+    if x.ndim == y.ndim == 2 and x.shape[1] == y.shape[0] == 1:
+        # On a grid a picture is drawn of, the lines in x and in y are evaluated one by one.
+        along_x = _matrix(x[:, 0], problem.h_x, cells, derivative[0], ix)
+        along_y = _matrix(y[0], problem.h_y, cells, derivative[1], iy)
+        return np.asarray(along_x @ coefficients @ along_y.T)
+    x, y = np.broadcast_arrays(x, y)
     i, weights_x = _values_and_index(x, problem.h_x, cells, derivative[0])
     j, weights_y = _values_and_index(y, problem.h_y, cells, derivative[1])
-    ix, iy = fold_x(cells), fold_y(cells)
     result = np.zeros(x.shape)
     for a in range(3):
         for b in range(3):
             result += weights_x[a] * weights_y[b] * coefficients[ix[i + a], iy[j + b]]
     return result
+
+
+def _matrix(t: FloatArray, h: float, cells: int, derivative: int, fold: IntArray) -> FloatArray:
+    """Coefficients along a line -> values, or derivatives, at places t of it."""
+    cell, weights = _values_and_index(t, h, cells, derivative)
+    matrix = np.zeros((len(t), int(fold.max()) + 1))
+    for a in range(3):
+        # Two splines of a place may be one after folding: they add up.
+        matrix[np.arange(len(t)), fold[cell + a]] += weights[a]
+    return matrix

@@ -9,8 +9,26 @@ import numpy as np
 import scipy.sparse as sp
 
 from ngspring.basics.arrays import FloatArray, IntArray
-from ngspring.design.splines import fold_x, fold_y, hierarchical_functionals
+from ngspring.design.splines import fold_x, fold_y
 from ngspring.fem.grid import ScalarSpace
+
+
+def hierarchical_functionals(cells: int, fold: IntArray) -> sp.csr_matrix:
+    """Coefficients -> hierarchical quadratic finite element dofs on a line.
+
+    Row ``2 i`` is the value at vertex ``i``; row ``2 i + 1`` is the *bubble* of cell ``i``: the
+    value in its middle minus the mean of its ends. Quadratic splines are piecewise quadratic, so
+    these rows reproduce them exactly.
+    """
+    vertex = np.arange(cells + 1)
+    cell = np.arange(cells)
+    rows = np.concatenate([2 * vertex, 2 * vertex] + [2 * cell + 1] * 3)
+    splines = np.concatenate([vertex, vertex + 1, cell, cell + 1, cell + 2])
+    weights = np.concatenate(
+        [np.full(2 * (cells + 1), 0.5)] + [np.full(cells, w) for w in (-0.125, 0.25, -0.125)]
+    )
+    shape = (2 * cells + 1, int(fold.max()) + 1)
+    return sp.csr_matrix((weights, (rows, fold[splines])), shape=shape)
 
 
 def spline_extraction(scalar: ScalarSpace) -> sp.csr_matrix:

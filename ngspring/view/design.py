@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ngspring.analysis.states import interpolation
 from ngspring.basics.arrays import FloatArray
@@ -47,10 +48,12 @@ def draw_design(
     middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
     chi = design.chi(middle_x[:, None], middle_y[None, :]) + eta
     density = rho(chi)
-    axes.pcolormesh(
-        place_x,
-        place_y,
-        np.ma.masked_less(density, _VOID),
+    i, j = (_extent((density >= _VOID).any(axis=axis)) for axis in (1, 0))
+    corners = slice(i.start, i.stop + 1), slice(j.start, j.stop + 1)
+    mesh = axes.pcolormesh(
+        place_x[corners],
+        place_y[corners],
+        np.ma.masked_less(density[i, j], _VOID),
         cmap="Greys",
         vmin=0,
         vmax=1.15,
@@ -58,9 +61,19 @@ def draw_design(
         antialiased=False,
         rasterized=True,
     )
+    # The void belongs to the body as well.
+    whole = [(float(place.min()), float(place.max())) for place in (place_x, place_y)]
+    mesh.sticky_edges.x[:], mesh.sticky_edges.y[:] = whole
+    axes.update_datalim(np.transpose(whole))
     axes.set_aspect("equal")
     solid = place_x[:-1, :-1][density > 0.5]
     return (float(solid.min()), float(solid.max())) if len(solid) else (0.0, problem.L)
+
+
+def _extent(there: NDArray[np.bool_]) -> slice:
+    """From the first to the last cell where there is something: void takes as long to draw."""
+    places = np.flatnonzero(there)
+    return slice(places[0], places[-1] + 1) if len(places) else slice(0, len(there))
 
 
 def moved_grid(
