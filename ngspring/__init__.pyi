@@ -1,5 +1,5 @@
+from .analysis.forward import load_displacement as load_displacement
 from .analysis.response import Response as Response
-from .analysis.response import load_displacement as load_displacement
 from .basics.errors import ConvergenceError as ConvergenceError
 from .basics.errors import DesignFileError as DesignFileError
 from .basics.errors import ExportError as ExportError

@@ -34,7 +34,7 @@ from ngsolve.webgui import Draw
 
 import ngspring
 from ngspring import ControlPoint, SpringProblem
-from ngspring.analysis.states import control_point_responses
+from ngspring.analysis.forward import control_point_responses
 from ngspring.physics.chi import rho
 from ngspring.view.curves import draw_curve
 from ngspring.view.design import draw_design

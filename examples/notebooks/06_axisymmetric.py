@@ -39,7 +39,7 @@ from scipy.optimize import brentq
 
 import ngspring
 from ngspring import ControlPoint, SpringProblem
-from ngspring.analysis.states import control_point_responses
+from ngspring.analysis.forward import control_point_responses
 from ngspring.physics.chi import rho
 from ngspring.physics.elasticity import measure
 from ngspring.solid.outline.outline import outline

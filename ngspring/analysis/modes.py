@@ -26,8 +26,8 @@ import ngsolve as ng
 import numpy as np
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
+from ngspring.analysis.forward import nodal_values
 from ngspring.analysis.mechanics import Mechanics
-from ngspring.analysis.response import nodal_values
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.grid import ScalarSpace

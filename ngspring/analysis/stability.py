@@ -20,10 +20,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ngspring.analysis.forward import nodal_values
 from ngspring.analysis.mechanics import Equilibrium, Mechanics
 from ngspring.analysis.modes import MOST_NEGATIVE, FullTangent, Mode, mirrored
 from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
-from ngspring.analysis.response import nodal_values
 from ngspring.analysis.states import curve_displacements
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError

@@ -8,52 +8,68 @@ stands for. An axisymmetric spring is shown as its cross-section, mirrored at th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
-from ngspring.analysis.response import Response, load_displacement
+from ngspring.analysis.response import Response
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 
-Responses = Response | Mapping[float, Response]
+
+class Curve(Protocol):
+    """What every load-displacement curve has, however it was computed."""
+
+    @property
+    def d(self) -> FloatArray:
+        """Displacements in mm."""
+
+    @property
+    def q(self) -> FloatArray:
+        """Forces in N."""
 
 
-def by_offset(responses: Responses) -> Mapping[float, Response]:
+class Fields(Protocol):
+    """Displacement fields by the place of their point in a curve."""
+
+    def __getitem__(self, index: int, /) -> Any:
+        """u_x and u_y in mm at the vertices, edge middles and centres of the analysed mesh."""
+
+
+class States(Curve, Protocol):
+    """A curve with the displacement fields of some of its points, as pictures need them."""
+
+    @property
+    def problem(self) -> SpringProblem:
+        """With the domain that was analysed."""
+
+    @property
+    def nodes_u(self) -> Fields:
+        """Those of the control points at least."""
+
+    @property
+    def grey(self) -> FloatArray:
+        """Share of the strain energy where the density is between 0.1 and 0.9."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every displacement that was asked for was reached."""
+
+    @property
+    def message(self) -> str:
+        """Where and why the path ended, if it did."""
+
+
+#: States of the design, or by the offset eta of chi.
+Responses = States | Mapping[float, States]
+
+
+def by_offset(responses: Responses) -> Mapping[float, States]:
     """Responses by the offset eta of chi they belong to; a single one belongs to eta = 0."""
-    return {0.0: responses} if isinstance(responses, Response) else responses
-
-
-def control_point_responses(
-    design: Design,
-    further: Iterable[float] = (),
-    *,
-    domain: str | None = None,
-    threads: int | None = None,
-) -> dict[float, Response]:
-    """Responses at the control points by their offset eta.
-
-    Parameters
-    ----------
-    design : Design
-    further : iterable of float
-        More displacements in mm for eta = 0, to draw a curve.
-    domain : {"quarter", "full"}, optional
-        Overrides the problem's.
-    threads : int, optional
-        See `ngspring.optimize`.
-    """
-    wanted: dict[float, set[float]] = {0.0: {0.0, *further}}
-    for point in design.problem.control_points:
-        wanted.setdefault(point.eta, set()).add(point.d)
-    return {
-        eta: load_displacement(design, sorted(targets), domain, eta=eta, threads=threads)
-        for eta, targets in wanted.items()
-    }
+    return responses if isinstance(responses, Mapping) else {0.0: responses}
 
 
 def curve_displacements(
@@ -72,18 +88,6 @@ def curve_displacements(
     return np.asarray(np.where(same, nearest, values))
 
 
-class Curve(Protocol):
-    """What every load-displacement curve has, however it was computed."""
-
-    @property
-    def d(self) -> FloatArray:
-        """Displacements in mm."""
-
-    @property
-    def q(self) -> FloatArray:
-        """Forces in N."""
-
-
 def index_of(curve: Curve, d: float) -> int | None:
     """Place of a displacement in a curve; None if it was not reached."""
     largest = float(np.abs(curve.d).max(initial=0.0))
@@ -97,13 +101,20 @@ def force_at(curve: Curve, d: float) -> float:
     return float("nan") if index is None else float(curve.q[index])
 
 
-def at_control_points(responses: Responses, problem: SpringProblem) -> dict[float, Response]:
+def control_places(curve: Curve, problem: SpringProblem, eta: float) -> list[int]:
+    """Places in a curve of the control points with this offset, as far as they were reached."""
+    found = [index_of(curve, point.d) for point in problem.control_points if point.eta == eta]
+    return [place for place in found if place is not None]
+
+
+def at_control_points(
+    responses: Mapping[float, Response], problem: SpringProblem
+) -> dict[float, Response]:
     """The same with nothing but the states at control points."""
-    kept: dict[float, Response] = {}
-    for eta, response in by_offset(responses).items():
-        places = [index_of(response, p.d) for p in problem.control_points if p.eta == eta]
-        kept[eta] = response.selected([place for place in places if place is not None])
-    return kept
+    return {
+        eta: response.selected(control_places(response, problem, eta))
+        for eta, response in responses.items()
+    }
 
 
 def reached(responses: Responses, point: ControlPoint) -> float | None:
@@ -113,7 +124,7 @@ def reached(responses: Responses, point: ControlPoint) -> float | None:
     return None if response is None or index is None else float(response.q[index])
 
 
-def full_displacement(response: Response, index: int) -> FloatArray:
+def full_displacement(response: States, index: int) -> FloatArray:
     """Displacements in mm on the half-cell grid of the whole spring.
 
     Returns
@@ -125,7 +136,7 @@ def full_displacement(response: Response, index: int) -> FloatArray:
     return sector.whole(response.nodes_u[index], float(response.d[index]))
 
 
-def interpolation(cells: int, t: FloatArray) -> sp.csr_matrix:
+def interpolation(cells: int, t: FloatArray) -> FloatArray:
     """Quadratic interpolation along a line of cells from its half-cell nodes.
 
     Parameters
@@ -140,5 +151,6 @@ def interpolation(cells: int, t: FloatArray) -> sp.csr_matrix:
     weights = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
     columns = 2 * cell[:, None] + np.arange(3)
     rows = np.repeat(np.arange(len(t)), 3)
-    entries = weights.ravel(), (rows, columns.ravel())
-    return sp.csr_matrix(entries, shape=(len(t), 2 * cells + 1))
+    matrix = np.zeros((len(t), 2 * cells + 1))
+    matrix[rows, columns.ravel()] = weights.ravel()
+    return matrix

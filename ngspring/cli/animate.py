@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.analysis.states import curve_displacements
 from ngspring.basics.errors import DesignFileError
 from ngspring.cli.options import MOST_POINTS, OK, Finite, FiniteRange, incomplete, threads_option

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import click
+import numpy as np
 from rich.table import Table
 
+from ngspring.analysis.finished import Stored, stored_responses
+from ngspring.analysis.states import reached
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
 from ngspring.cli.options import FAILED, OK, UNSOUND, Finite, threads_option
@@ -14,7 +21,11 @@ from ngspring.design.gallery import gallery
 from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import read_design
 from ngspring.kkt.stationarity import Optimality, optimality
+from ngspring.problem.point import ControlPoint
 from ngspring.view.text import deviation_percent
+
+#: So far, relative to the largest, may forces of one design differ that were computed twice.
+_SAME_FORCE = 1e-6
 
 
 @click.command("check")
@@ -45,30 +56,45 @@ def check_command(
     """Check that designs are stationary points and meet their targets (within 0.1 %).
 
     Everything is computed anew from the design field. Control points with an offset of chi
-    (eta) are shown, but need not be met. Exit code 1 if one fails, 4 if the only fault is that a
-    design is not connected, or carries its load through grey.
+    (eta) are shown, but need not be met. A load path that is stored with a design has to have the
+    same forces. Exit code 1 if one fails, 4 if the only fault is that a design is not connected, or
+    carries its load through grey.
     """
     if not tolerance > 0:
         raise ProblemError(f"--tolerance {tolerance} must be positive")
     if not force_tolerance > 0:
         raise ProblemError(f"--force-tolerance {force_tolerance} must be positive")
-    designs = [(name, read_design(name)[0]) for name in names]
+    designs: list[tuple[str, Design, Path | None]] = []
+    for name in names:
+        design, path = read_design(name)
+        designs.append((name, design, path.parent))
     if all_stored:
-        designs += list(gallery.items())
+        designs += [(name, design, None) for name, design in gallery.items()]
     if not designs:
         raise click.UsageError(
             "there are no stored designs" if all_stored else "name a design, or use --gallery"
         )
     table = check_table()
     codes = {OK}
-    for name, design in designs:
+    for name, design, folder in designs:
         try:
             outcome: Optimality | str = optimality(design, threads=threads)
         except ConvergenceError as error:
             outcome = str(error)
-        codes.add(add_check(table, name, design, outcome, tolerance, force_tolerance / 100))
+        stored = stored_responses(design, folder)
+        limits = tolerance, force_tolerance / 100
+        codes.add(add_check(table, name, design, outcome, *limits, stored))
     make_console().print(table)
     return FAILED if FAILED in codes else max(codes)
+
+
+def _has_forces(stored: Stored, points: Sequence[ControlPoint], q: FloatArray) -> bool:
+    """Whether a stored load path has these forces at the control points."""
+    found = [reached(stored, point) for point in points]
+    return all(
+        force is not None and abs(force - own) <= _SAME_FORCE * float(np.abs(q).max())
+        for force, own in zip(found, q, strict=True)
+    )
 
 
 def check_table() -> Table:
@@ -88,6 +114,7 @@ def add_check(
     outcome: Optimality | str,
     tolerance: float,
     force_tolerance: float,
+    stored: Stored | None = None,
 ) -> int:
     """Add a design's row to the table; returns the exit code it asks for.
 
@@ -102,6 +129,8 @@ def add_check(
         Largest relative residual.
     force_tolerance : float
         Largest relative deviation of a force from its target.
+    stored : mapping from eta to StoredResponse, optional
+        Its stored load path.
     """
     ratio = f"{design.relative_width:.4f}"
     if isinstance(outcome, str):
@@ -117,6 +146,8 @@ def add_check(
     if not all(dev <= force_tolerance for dev in judged):
         limit = f"{100 * force_tolerance:g} %"
         reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
+    if stored is not None and not _has_forces(stored, points, outcome.q):
+        reasons.append("its stored load path (the forces are others)")
     code = FAILED if reasons else OK
     no_part = flaw(design, outcome.grey)
     if no_part:

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 import numpy as np
 
-from ngspring.analysis.response import Response, load_displacement, response_csv
+from ngspring.analysis.forward import load_displacement
+from ngspring.analysis.response import Response, response_csv
 from ngspring.analysis.states import curve_displacements
 from ngspring.basics.files import write_text
 from ngspring.cli.arguments import results_folder
@@ -52,7 +53,7 @@ def response_command(
     The range goes from zero to the outermost control points by default. Written are response.csv,
     with d in mm, q in N, the strain energy in N mm and the stiffness dq/dd in N/mm, and
     response.png. With another range or number of points they are response-custom.csv and
-    response-custom.png, because the report of a run draws the curve in its response.csv.
+    response-custom.png, because response.csv is the curve of the run.
     """
     design, path = read_design(name)
     displacements = curve_displacements(design, low, high, points)

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
+from typing import TYPE_CHECKING
 
 from ngspring.basics.checks import nearest, shown
 from ngspring.basics.errors import DesignFileError
 from ngspring.design.design import Design
 from ngspring.problem.cases import cases
+
+if TYPE_CHECKING:
+    from importlib.abc import Traversable
+
+#: The file with the load path of the design C7 is states-C7.npz.
+STATES = "states-"
 
 
 class UnknownDesignError(DesignFileError, KeyError):
@@ -33,11 +40,11 @@ class Gallery(Mapping[str, Design]):
         if not self.folder.is_dir():
             return []
         names = [entry.name for entry in self.folder.iterdir()]
-        # Snapshots of a run (Fig. 16) lie beside the designs.
+        # Snapshots of a run (Fig. 16) and load paths lie beside the designs.
         return sorted(
             name.removesuffix(".npz")
             for name in names
-            if name.endswith(".npz") and not name.startswith("snapshots-")
+            if name.endswith(".npz") and not name.startswith(("snapshots-", STATES))
         )
 
     def __getitem__(self, name: str) -> Design:
@@ -56,6 +63,15 @@ class Gallery(Mapping[str, Design]):
             raise UnknownDesignError(f"there is no stored design {shown(name)}{hint}")
         with as_file(self.folder / f"{name}.npz") as path:
             return Design.load(path)
+
+    def states(self, case: str) -> list[Traversable]:
+        """Files that may hold the load path of a stored design of a case.
+
+        See `ngspring.analysis.stored`.
+        """
+        names = [name for name in self._names() if name == case or name.startswith(f"{case}-")]
+        files = [self.folder / f"{STATES}{name}.npz" for name in names]
+        return [file for file in files if file.is_file()]
 
     def __repr__(self) -> str:
         return f"<gallery of stored designs: {', '.join(self)}>"

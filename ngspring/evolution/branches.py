@@ -14,8 +14,9 @@ import numpy as np
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
 from ngspring.kkt.start import initial_state
+from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import relative_optimality
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.problem.spring import SpringProblem
 
 #: Forces that differ by more than this, relative to the largest target, belong to two branches.

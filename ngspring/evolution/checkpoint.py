@@ -15,7 +15,7 @@ from ngspring.basics.checks import printable
 from ngspring.basics.files import NUMBER, TEXT, Part, PathLike, reading_arrays, write_arrays
 from ngspring.design.history import HISTORY_PARTS, History
 from ngspring.design.notes import LONGEST_NOTE, checked_notes
-from ngspring.kkt.system import State
+from ngspring.kkt.state import State
 from ngspring.problem.spring import SpringProblem
 
 VERSION = 1

@@ -32,8 +32,9 @@ from ngspring.evolution.updates import Result, Update
 from ngspring.fem.process import checked_threads, parallel
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
 from ngspring.kkt.start import Start, initial_state, start_design
+from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.scaling import time_unit

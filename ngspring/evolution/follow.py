@@ -33,8 +33,9 @@ from ngspring.fem.process import parallel
 from ngspring.kkt.elimination import Elimination
 from ngspring.kkt.newton import EXACT, NewtonResult, solve_update
 from ngspring.kkt.start import initial_state
+from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem

@@ -19,7 +19,8 @@ from ngspring.basics.errors import ConvergenceError
 from ngspring.evolution.stepping import BackwardEuler, Past, Stepper
 from ngspring.evolution.steprule import LeapRule, Rule
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 
 
 class Leaping(Stepper):

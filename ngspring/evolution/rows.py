@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ngspring.design.history import Row
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 
 
 def row_of(system: CoupledSystem, state: State, effort: Mapping[str, float]) -> Row:

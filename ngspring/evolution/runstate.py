@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ngspring.analysis.finished import Stored, responses_in, responses_in_gallery
 from ngspring.analysis.states import Curve, index_of
 from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.errors import DesignFileError, RunFolderError
@@ -67,6 +68,8 @@ class RunState:
         Load-displacement curve of this design, if it has been computed.
     states : bytes or None
         The picture design.png of this design (PNG), if it has been drawn.
+    responses : mapping from eta to StoredResponse, or None
+        The load path of this design, if it is stored: to draw that picture from.
     closing : bool
         Whether the run has converged, but its curve and pictures are still to come.
     goal : SpringProblem, optional
@@ -80,6 +83,7 @@ class RunState:
     curve: Curve | None = None
     states: bytes | None = None
     closing: bool = False
+    responses: Stored | None = None
     goal: SpringProblem | None = None
 
     @property
@@ -169,19 +173,30 @@ def read_run(folder: PathLike, ended: bool = False) -> RunState:
     checkpoint = last_checkpoint(folder)
     design = _design_of(checkpoint)
     status, reason = _status(design, folder, held, time.time() - updated)
-    curve = _curve(folder, design)
+    responses = responses_in(folder, design)
+    curve = _curve(folder, design) if responses is None else responses[0.0]
     closing = status == CONVERGED and held is True and curve is None
     states = None if status in (RUNNING, STALE) or closing else _states(folder)
-    return RunState(design, status, reason, updated, curve, states, closing, checkpoint.goal)
+    return RunState(
+        design, status, reason, updated, curve, states, closing, responses, checkpoint.goal
+    )
 
 
 def stored_state(design: Design, folder: Path | None = None) -> RunState:
-    """The state of a finished design, with the curve and the picture of its folder, if any."""
+    """The state of a finished design.
+
+    With the curve and the picture of its folder or of the gallery, if there are any.
+    """
     status, reason = _ended(design)
-    curve = None if folder is None else _curve(folder, design)
-    return RunState(
-        design, status, reason, None, curve, None if folder is None else _states(folder)
-    )
+    responses = None if folder is None else responses_in(folder, design)
+    picture = None if folder is None else _states(folder)
+    if responses is None and (stored := responses_in_gallery(design)) is not None:
+        # The folder is where somebody happens to be: its picture may be another design's.
+        responses, picture = stored, None
+    curve: Curve | None = None if responses is None else responses[0.0]
+    if curve is None and folder is not None:
+        curve = _curve(folder, design)
+    return RunState(design, status, reason, None, curve, picture, responses=responses)
 
 
 def _design_of(checkpoint: Checkpoint) -> Design:

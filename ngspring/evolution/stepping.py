@@ -11,7 +11,8 @@ import numpy as np
 from ngspring.evolution.steprule import Rows, StepRule
 from ngspring.kkt.elimination import Elimination
 from ngspring.kkt.newton import EXACT, NewtonResult, NewtonSettings, solve_update
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 
 #: Newton settings that are never satisfied: `NewtonSettings.max_iterations` decides.
 POLISHING = NewtonSettings(0.0, 0.0, 0.0, max_iterations=2)

@@ -15,7 +15,8 @@ import numpy as np
 from ngspring.design.design import Design
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.physics.chi import CF
 from ngspring.physics.elasticity import measure
 from ngspring.physics.lagrangian import (

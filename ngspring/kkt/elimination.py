@@ -17,7 +17,8 @@ from ngspring.analysis.mechanics import Mechanics
 from ngspring.analysis.newton import NewtonError, Step, newton
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings, timed
 from ngspring.problem.scaling import force_unit
 

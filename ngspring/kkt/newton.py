@@ -10,7 +10,8 @@ import numpy as np
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.kkt.elimination import Elimination
-from ngspring.kkt.system import CoupledSystem, LinearSolveError, Residual, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem, LinearSolveError, Residual
 from ngspring.problem.scaling import force_unit, length_unit
 
 

@@ -13,7 +13,8 @@ from ngspring.analysis.path import follow
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import timed
 from ngspring.problem.spring import SpringProblem
 

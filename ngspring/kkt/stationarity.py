@@ -11,7 +11,8 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, Residual, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem, Residual
 from ngspring.physics.grey import grey_share
 from ngspring.problem.point import deviation
 

@@ -20,6 +20,7 @@ from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import Factorization, make_factorization, multiply, wants_upper
 from ngspring.fem.process import giving_memory_back
 from ngspring.kkt.matrix import BlockMaps
+from ngspring.kkt.state import State
 from ngspring.kkt.timings import Timings, timed
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
@@ -31,35 +32,6 @@ from ngspring.problem.spring import SpringProblem
 
 class LinearSolveError(ArithmeticError):
     """A linear system could not be solved to a usable accuracy; the Newton step has failed."""
-
-
-@dataclass
-class State:
-    """All unknowns of the coupled system.
-
-    Attributes
-    ----------
-    chi : array (coefficients,)
-        Spline coefficients, flattened.
-    u : array (control points, free)
-        Free displacements in mm.
-    lam : array (control points, free + 1)
-        Adjoint displacements in N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
-    """
-
-    chi: FloatArray
-    u: FloatArray
-    lam: FloatArray
-
-    def moved(self, update: State) -> State:
-        """The state after a Newton update."""
-        return State(self.chi + update.chi, self.u + update.u, self.lam + update.lam)
-
-    def forces(self, problem: SpringProblem) -> FloatArray:
-        """Reaction forces q_j in N."""
-        points = problem.control_points
-        target = np.array([point.q for point in points])
-        return np.asarray(target + self.lam[:, -1] / [point.weight for point in points])
 
 
 @dataclass

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
-import ngsolve as ng
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
@@ -19,22 +18,33 @@ CF: TypeAlias = Any
 #: A coefficient function or an array.
 Field: TypeAlias = Any
 
+_NUMBERS = (np.ndarray, np.generic, float, int)
+
 #: Deeper in the void exp(-chi) would overflow; the density is 1e-87 here.
 _DEEPEST = -200.0
 
 
+def _ngsolve() -> Any:
+    """NGSolve, which takes a while to import: pictures are drawn from arrays without it."""
+    import ngsolve
+
+    return ngsolve
+
+
 def _decay(chi: Field) -> Field:
     """exp(-chi)."""
-    if isinstance(chi, ng.CoefficientFunction):
-        return ng.exp(-ng.IfPos(chi - _DEEPEST, chi, _DEEPEST))
-    return np.exp(-np.maximum(chi, _DEEPEST))
+    if isinstance(chi, _NUMBERS):
+        return np.exp(-np.maximum(chi, _DEEPEST))
+    ng = _ngsolve()
+    return ng.exp(-ng.IfPos(chi - _DEEPEST, chi, _DEEPEST))
 
 
 def _ramp(t: Field) -> Field:
     """t, no less than 0 and no more than 1."""
-    if isinstance(t, ng.CoefficientFunction):
-        return ng.IfPos(t, ng.IfPos(t - 1, 1, t), 0)
-    return np.clip(t, 0.0, 1.0)
+    if isinstance(t, _NUMBERS):
+        return np.clip(t, 0.0, 1.0)
+    ng = _ngsolve()
+    return ng.IfPos(t, ng.IfPos(t - 1, 1, t), 0)
 
 
 def rho(chi: Field) -> Field:

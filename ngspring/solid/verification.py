@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ngspring.analysis.response import Response, load_displacement
+from ngspring.analysis.forward import load_displacement
+from ngspring.analysis.response import Response
 from ngspring.analysis.states import curve_displacements, force_at, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none

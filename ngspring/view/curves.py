@@ -98,9 +98,7 @@ def control_points_by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], 
     return plain, [point for point in problem.control_points if point.eta]
 
 
-def curves_figure(
-    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
-) -> Figure:
+def curves_figure(designs: Mapping[str, Design | None], responses: Mapping[str, Curve]) -> Figure:
     """Curves of many designs with their target points in one diagram (Figs. 4 and 6).
 
     Parameters

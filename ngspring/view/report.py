@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from ngspring.basics.files import PathLike, attempt, write_text
 from ngspring.basics.text import significant
@@ -25,6 +26,7 @@ from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.design import density_figure
 from ngspring.view.html import link, page, picture
+from ngspring.view.rows import design_figure
 from ngspring.view.run import convergence_figure, forces_figure, reached_figure
 from ngspring.view.text import deviation_percent, duration, signed_percent, step, width_symbol
 
@@ -224,16 +226,23 @@ def _pictures(state: RunState, history: History | None) -> dict[str, Markup | No
             caption,
             margins=_MARGINS,
         ),
-        "states": None
-        if state.states is None
-        else picture(
-            "states",
-            state.states,
-            "The design undeformed and deformed at each control point, and its"
-            " load-displacement curve",
-            "† The design undeformed and deformed at the control points.",
-        ),
+        "states": _states(state),
     }
+
+
+def _states(state: RunState) -> Markup | None:
+    """The picture of the deformed states, as it was drawn or from what is stored of them."""
+    drawn: bytes | Figure | None = state.states
+    if drawn is None and state.responses is not None:
+        drawn = design_figure(state.design, state.responses, state.responses[0.0])
+    if drawn is None:
+        return None
+    return picture(
+        "states",
+        drawn,
+        "The design undeformed and deformed at each control point, and its load-displacement curve",
+        "† The design undeformed and deformed at the control points.",
+    )
 
 
 def _forces_text(problem: SpringProblem, forces: Sequence[float] | None) -> str:

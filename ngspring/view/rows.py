@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ngspring.analysis.response import Response
-from ngspring.analysis.states import Responses, by_offset, full_displacement, index_of
+from ngspring.analysis.states import Responses, States, by_offset, full_displacement, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import NgspringError
 from ngspring.design.design import Design
@@ -58,15 +57,15 @@ class Row:
     panels : sequence of Panel
     problem : SpringProblem, optional
         Its targets are marked in the diagram.
-    curves : mapping from name to Response
+    curves : mapping from name to Response or StoredResponse
     """
 
     panels: Sequence[Panel]
     problem: SpringProblem | None
-    curves: Mapping[str, Response]
+    curves: Mapping[str, States]
 
 
-def design_figure(design: Design, responses: Responses, curve: Response) -> Figure:
+def design_figure(design: Design, responses: Responses, curve: States) -> Figure:
     """Undeformed design, deformed states at all control points, and the curve.
 
     Parameters
@@ -83,9 +82,7 @@ def design_figure(design: Design, responses: Responses, curve: Response) -> Figu
     return rows_figure([Row(panels, problem, {"response": curve})], height=2.2)
 
 
-def gallery_figure(
-    designs: Mapping[str, Design | None], responses: Mapping[str, Response]
-) -> Figure:
+def gallery_figure(designs: Mapping[str, Design | None], responses: Mapping[str, States]) -> Figure:
     """One row per design, as in Figs. 5 and 7-11.
 
     Undeformed, deformed at the control points of the blueprint design, and the curve.
@@ -111,7 +108,7 @@ def gallery_figure(
 
 def robust_figure(
     designs: Mapping[str, tuple[Design | None, Design | None]],
-    responses: Mapping[str, tuple[Response | None, Response | None]],
+    responses: Mapping[str, tuple[States | None, States | None]],
 ) -> Figure:
     """Robust design, states of the one that is not, and the curves of both (Fig. 14).
 

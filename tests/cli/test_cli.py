@@ -50,6 +50,7 @@ FILES = {
     "design.vtu",
     "response.csv",
     "report.html",
+    "states.npz",
     *PICTURES,
 }
 
@@ -322,15 +323,16 @@ def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
 
 
 def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import ngspring.analysis.response as response
+    import ngspring.analysis.forward as forward
 
-    original = response.follow
+    original = forward.follow
 
     def stop_before(body: Any, targets: Any, *args: Any, **kwargs: Any) -> Any:
         points, _ = original(body, targets[:-1], *args, **kwargs)
         return points, "the path ends at d = -8 mm, before -10 mm: a reason"
 
-    monkeypatch.setattr(response, "follow", stop_before)
+    monkeypatch.setattr(forward, "follow", stop_before)
+    (copy / "states.npz").unlink()
     options = ("--from", -10, "--to", -2, "--points", 3, "--threads", 1)
     result = invoke("response", copy, *options, code=3)
     displacements = [float(line.split()[0]) for line in result.stdout.splitlines()[1:]]
@@ -395,7 +397,7 @@ def test_check_gallery_by_name(copy: Path, tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(gallery, "folder", copy)
-    for other in ("checkpoint.npz", "checkpoint-before.npz", "snapshots.npz"):
+    for other in ("checkpoint.npz", "checkpoint-before.npz", "snapshots.npz", "states.npz"):
         (copy / other).unlink()
     assert "passes" in invoke("check", "design", "--threads", 1).stdout
     assert "passes" in invoke("check", "--gallery", "--threads", 1).stdout

@@ -17,6 +17,7 @@ import pytest
 from support.commands import invoke
 
 from ngspring import ControlPoint, Design, RunFolderError, SpringProblem, gallery, optimize
+from ngspring.analysis.finished import STATES_FILE
 from ngspring.design.history import History
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.folder import CHECKPOINT, DESIGN, LOCK, in_use, locked
@@ -33,7 +34,7 @@ from ngspring.evolution.runstate import (
 from ngspring.evolution.steprule import StepRule
 from ngspring.evolution.updates import Update
 from ngspring.kkt.newton import NewtonSettings
-from ngspring.view.report import REPORT, ReportWriter
+from ngspring.view.report import REPORT, ReportWriter, report_page
 from ngspring.view.run_files import write_pictures
 
 PROBLEM = SpringProblem((ControlPoint(-10.0, -2.0),), name="small", elements=8, l_i=10.0)
@@ -184,7 +185,8 @@ def test_a_converged_run_has_its_curve_and_its_pictures(finished: Path) -> None:
 
 
 def test_a_converged_run_goes_on_until_its_curve_is_there(finished: Path) -> None:
-    (finished / RESPONSE).unlink()
+    for name in (RESPONSE, STATES_FILE):
+        (finished / name).unlink()
     with locked(finished):
         state = read_run(finished)
         assert (state.status, state.going_on, state.evolving) == (CONVERGED, True, False)
@@ -193,21 +195,50 @@ def test_a_converged_run_goes_on_until_its_curve_is_there(finished: Path) -> Non
 
 def test_the_curve_of_another_design_is_not_shown(run: Path, finished: Path) -> None:
     # Left behind by an earlier end of a run that was resumed since.
-    for name in (RESPONSE, "design.png"):
+    for name in (RESPONSE, STATES_FILE, "design.png"):
         shutil.copy(finished / name, run / name)
     with locked(run):
         state = read_run(run)
     assert state.curve is None
+    assert state.responses is None
     assert state.states is None
+
+
+def test_a_run_from_before_there_were_states_has_the_curve_of_its_table(finished: Path) -> None:
+    stored = read_run(finished).curve
+    (finished / STATES_FILE).unlink()
+    state = read_run(finished)
+    assert state.responses is None
+    assert stored is not None
+    assert state.curve is not None
+    np.testing.assert_array_equal(state.curve.d, stored.d)
+    np.testing.assert_array_equal(state.curve.q, stored.q)
+
+
+def test_damaged_states_are_no_states_and_the_table_is_left(finished: Path) -> None:
+    content = (finished / STATES_FILE).read_bytes()
+    (finished / STATES_FILE).write_bytes(content[: len(content) // 2])
+    state = read_run(finished)
+    assert state.responses is None
+    assert state.curve is not None
+
+
+def test_a_report_draws_the_states_that_are_stored_if_nobody_has_drawn_them(finished: Path) -> None:
+    (finished / "design.png").unlink()
+    assert 'id="states"' in report_page(read_run(finished))
+    (finished / STATES_FILE).unlink()
+    assert 'id="states"' not in report_page(read_run(finished))
 
 
 @pytest.mark.parametrize("text", ["", "d,q\n1,x\n2,3\n", "a,b\n1,2\n", "d,q\n1,nan\n2,1\n", "\0"])
 def test_a_damaged_curve_is_not_shown(finished: Path, text: str) -> None:
+    (finished / STATES_FILE).unlink()
     (finished / RESPONSE).write_text(text)
     assert read_run(finished).curve is None
 
 
 def test_a_curve_that_misses_the_forces_is_not_shown(finished: Path) -> None:
+    (finished / STATES_FILE).unlink()
     with (finished / RESPONSE).open(newline="") as file:
         rows = list(csv.DictReader(file))
     lines = ["d,q", *(f"{row['d']},{1.01 * float(row['q'])}" for row in rows)]
@@ -245,6 +276,20 @@ def test_a_stored_design_is_converged_and_has_forces() -> None:
     state = stored_state(gallery["C7"])
     assert state.status == CONVERGED
     assert state.forces == pytest.approx([2.0, -2.0, -5.5], rel=1e-3)
+
+
+def test_a_stored_design_has_the_curve_and_the_states_of_the_gallery(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(finished)
+    # Neither the curve nor the picture of the run whose folder this is.
+    state = stored_state(gallery["C7"], Path())
+    assert state.curve is not None
+    assert state.curve.d.min() == -20.0
+    assert state.states is None
+    page = report_page(state)
+    assert 'id="states"' in page
+    assert "The whole curve has not been computed" not in page
 
 
 def test_a_folder_with_nothing_but_a_design_can_be_read(finished: Path) -> None:

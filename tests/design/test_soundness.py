@@ -6,7 +6,7 @@ import ngsolve as ng
 import numpy as np
 import pytest
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
 from ngspring.design.soundness import LARGEST_SHARE, flaw, neck_density

@@ -10,7 +10,8 @@ from ngspring.evolution.branches import on_another_branch, path_from_rest
 from ngspring.evolution.evolve import RETURNS
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 
 PROBLEM = SpringProblem((ControlPoint(-10.0, -2.0),), name="small", elements=8, l_i=10.0)
 

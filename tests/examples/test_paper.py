@@ -134,6 +134,19 @@ def test_figs_4_and_5_of_the_stored_c4(
     assert tidy(saved["fig04"])
 
 
+def test_the_curves_of_stored_designs_are_not_computed_again(
+    tmp_path: Path, saved: dict[str, Figure], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(script("designs"), "load_displacement", None)
+    numbers = draw("14", arguments(tmp_path))
+    assert set(numbers) == set(FAMILIES["14"])
+    for name, values in numbers.items():
+        for point in gallery[name].problem.control_points:
+            if not point.eta:
+                assert values[f"q({point.d:g})"] == pytest.approx(point.q, rel=1e-3)
+    assert tidy(saved["fig14"])
+
+
 def test_fig_3(tmp_path: Path, saved: dict[str, Figure]) -> None:
     numbers = draw("3", arguments(tmp_path))["C4"]
     assert numbers["updates"] == 65

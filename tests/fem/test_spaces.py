@@ -6,7 +6,7 @@ import ngsolve as ng
 import numpy as np
 import pytest
 
-from ngspring.analysis.response import nodal_values
+from ngspring.analysis.forward import nodal_values
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.constraints import DisplacementExtraction, displacement_extraction, stretched
 from ngspring.fem.grid import Grid, ScalarSpace

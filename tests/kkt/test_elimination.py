@@ -11,7 +11,8 @@ from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.kkt.elimination import Elimination
 from ngspring.kkt.newton import NewtonSettings, solve_update
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.problem.cases import cases
 
 

@@ -20,7 +20,8 @@ from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.linear import make_factorization
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, LinearSolveError, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem, LinearSolveError
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 

@@ -20,7 +20,7 @@ from ngspring.design.design import Design
 from ngspring.fem.constraints import displacement_extraction, spline_extraction
 from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.taylor import taylor_test
-from ngspring.kkt.system import State
+from ngspring.kkt.state import State
 from ngspring.problem.spring import SpringProblem
 
 

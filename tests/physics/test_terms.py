@@ -13,7 +13,8 @@ from ngspring.design.design import Design
 from ngspring.kkt.elimination import Elimination
 from ngspring.kkt.newton import NewtonSettings, solve_update
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.physics.chi import CF, rho
 from ngspring.physics.elasticity import gradient
 from ngspring.physics.terms import TERMS

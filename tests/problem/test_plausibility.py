@@ -6,7 +6,7 @@ import ngsolve as ng
 import numpy as np
 import pytest
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.cases import cases
 from ngspring.problem.kinematics import KINEMATICS

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.analysis.states import curve_displacements, index_of
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design

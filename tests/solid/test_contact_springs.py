@@ -17,7 +17,7 @@ from support.contact_bodies import (
     spring,
 )
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.fem.process import parallel
 from ngspring.solid.contact.response import (
     ContactResponse,

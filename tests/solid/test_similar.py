@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from netgen import occ
 
-from ngspring.analysis.response import load_displacement
+from ngspring.analysis.forward import load_displacement
 from ngspring.analysis.stability import stability
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design

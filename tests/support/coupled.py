@@ -9,7 +9,8 @@ import numpy as np
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
 from ngspring.fem.constraints import stretched
-from ngspring.kkt.system import CoupledSystem, Residual, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem, Residual
 
 FIELDS = ("chi", "u", "lam")
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import ngspring
+from ngspring.analysis.forward import control_point_responses
 from ngspring.analysis.response import Response
 from ngspring.analysis.states import (
-    control_point_responses,
     curve_displacements,
     full_displacement,
     interpolation,

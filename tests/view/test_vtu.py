@@ -8,8 +8,9 @@ import meshio
 import numpy as np
 import pytest
 
+from ngspring.analysis.forward import control_point_responses
 from ngspring.analysis.response import Response
-from ngspring.analysis.states import at_control_points, control_point_responses, full_displacement
+from ngspring.analysis.states import at_control_points, full_displacement
 from ngspring.basics.errors import RunFolderError
 from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
