@@ -2,8 +2,9 @@
 
     python examples/paper/figures.py 4 5 --out DIR
 
-From the stored designs a figure takes seconds to minutes. Figures that share their curves are
-drawn together. A design that is not stored leaves its row empty; without any, it is an error.
+From the stored designs a figure takes seconds, with real contact minutes. Figures that share their
+curves are drawn together. A design that is not stored leaves its row empty; without any, it is an
+error.
 """
 
 from __future__ import annotations

@@ -29,9 +29,10 @@ def store(name: str, threads: int | None) -> None:
     with as_file(gallery.folder / f"{STATES}{name}.npz") as path:
         StoredStates.of(design, responses).save(path)
     for response in responses.values():
-        print(*filter(None, [response.message, *map(str, response.jumps)]), sep="\n", end="")
-    print(f"{name}: {path.stat().st_size / 1000:.0f} kB", end=", ")
-    print(f"{time.perf_counter() - begin:.0f} s", flush=True)
+        for line in filter(None, [response.message, *map(str, response.jumps)]):
+            print(f"{name}: {line}")
+    size, seconds = path.stat().st_size / 1000, time.perf_counter() - begin
+    print(f"{name}: {size:.0f} kB, {seconds:.0f} s", flush=True)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

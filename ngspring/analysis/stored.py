@@ -22,8 +22,10 @@ from ngspring.analysis.path import Jump
 from ngspring.analysis.response import Response
 from ngspring.analysis.states import control_places
 from ngspring.basics.arrays import LARGEST, FloatArray
+from ngspring.basics.checks import printable
 from ngspring.basics.files import TEXT, Part, PathLike, reading_arrays, write_arrays
 from ngspring.design.design import Design
+from ngspring.design.notes import LONGEST_NOTE
 from ngspring.problem.spring import SpringProblem
 
 VERSION = 1
@@ -205,7 +207,8 @@ def _responses(
         d, q, energy, stiffness, grey = (parts[name][begin:end] for name in _NUMBERS)
         nodes_u = {int(p - begin): _unpacked(u, s) for p, u, s in fields if begin <= p < end}
         jumps = tuple(Jump(*map(float, row[1:])) for row in parts["jumps"] if row[0] == k)
-        message, iterations = str(parts["messages"][k]), int(parts["iterations"][k])
+        message = printable(str(parts["messages"][k]), LONGEST_NOTE)
+        iterations = int(parts["iterations"][k])
         eta = float(parts["eta"][k])
         yield (
             eta,

@@ -112,6 +112,13 @@ def test_a_path_that_ends_early_and_its_jumps_are_stored(
     assert stored[1.0].jumps == ()
 
 
+def test_a_message_is_shown_and_not_obeyed(folder: Path) -> None:
+    rewritten(folder / STATES_FILE, messages=np.array(["\x1b[2J", "x" * 1000]))
+    first, second = StoredStates.load(folder / STATES_FILE).responses.values()
+    assert first.message == "?[2J"
+    assert len(second.message) <= 300
+
+
 @pytest.mark.parametrize(
     ("parts", "reason"),
     [

@@ -170,6 +170,19 @@ def test_resume_of_a_finished_run_draws_the_pictures_again(
     assert np.array_equal(first.coefficients, second.coefficients)
 
 
+def test_resume_of_a_finished_run_computes_no_load_path_again(
+    finished: SimpleNamespace, copy: Path
+) -> None:
+    kept = ("states.npz", "response.csv", "design.vtu")
+    for name in kept:
+        os.utime(copy / name, (0, 0))
+    for name in PICTURES:
+        (copy / name).unlink()
+    invoke("optimize", finished.home / "mine.toml", "--out", copy, "--resume", "--threads", 1)
+    assert {path.name for path in copy.iterdir()} - {".lock"} == FILES
+    assert all((copy / name).stat().st_mtime == 0 for name in kept)
+
+
 def test_resume_refuses_another_problem(copy: Path) -> None:
     result = invoke("optimize", "C5", "--elements", 12, "--out", copy, "--resume", code=2)
     assert "another problem" in result.stderr

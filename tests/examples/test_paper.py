@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 import ngspring.view.design
 from ngspring import Design, Response, gallery, load_displacement
+from ngspring.analysis.finished import responses_in_gallery
 from ngspring.campaign.plan import Run
 from ngspring.problem.scaling import on_mesh
 
@@ -145,6 +146,26 @@ def test_the_curves_of_stored_designs_are_not_computed_again(
             if not point.eta:
                 assert values[f"q({point.d:g})"] == pytest.approx(point.q, rel=1e-3)
     assert tidy(saved["fig14"])
+
+
+def test_load_paths_are_stored_beside_the_designs_and_only_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gallery, "folder", tmp_path)
+    small = on_mesh(script("designs").RUNS["T1"].problem, 8)[0]
+    Design.column(small).save(tmp_path / "T1.npz")
+    main = script("states_of_gallery").main
+    main([])
+    first = (tmp_path / "states-T1.npz").stat().st_mtime_ns
+    main(["T1"])
+    assert (tmp_path / "states-T1.npz").stat().st_mtime_ns == first
+    assert responses_in_gallery(gallery["T1"]) is not None
+    assert list(gallery) == ["T1"]
+    # Another design takes its place.
+    Design.random(small).save(tmp_path / "T1.npz")
+    assert responses_in_gallery(gallery["T1"]) is None
+    main([])
+    assert responses_in_gallery(gallery["T1"]) is not None
 
 
 def test_fig_3(tmp_path: Path, saved: dict[str, Figure]) -> None:
