@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from ngspring.kkt.system import CoupledSystem, Residual, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem, Residual
 from ngspring.problem.spring import SpringProblem
 
 CONSTANTS = (

@@ -23,7 +23,8 @@ from ngspring.evolution.steprule import PAPER_RULE
 from ngspring.fem.process import parallel
 from ngspring.kkt.bench import bench_problem, peak_memory
 from ngspring.kkt.start import initial_state
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
 
 #: Pseudo-time step of the iteration that is timed, in mm^2 scaled as in the paper.

@@ -28,6 +28,7 @@ from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.evolve import evolve
 from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.rows import row_of
+from ngspring.evolution.stepping import polished
 from ngspring.evolution.updates import Observer, Result, Update
 from ngspring.fem.process import parallel
 from ngspring.kkt.elimination import Elimination
@@ -165,7 +166,9 @@ class Following:
         self._rejected = self._rejected_iterations = 0
         state = initial_state(self._system, design)
         outcome = self._solved(state, 0.0)
-        if not outcome.converged:
+        if outcome.converged:
+            outcome = polished(self._system, outcome)
+        else:
             raise ProblemError(
                 f"{design.problem.name or 'the design'} is no stationary point to follow"
                 f" ({outcome.reason}): finish it first"
@@ -223,6 +226,8 @@ class Following:
             # What would be left is no step of its own.
             ahead = share if share - ahead < self._steps.smallest else ahead
             outcome = self._solved(self._guess(ahead), ahead)
+            if outcome.converged and ahead == share:
+                outcome = polished(self._system, outcome)
             if self._is_next(outcome):
                 tried = ahead - self.share
                 self._accept(outcome, ahead)

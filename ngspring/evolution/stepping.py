@@ -40,6 +40,14 @@ class Past:
     rejected: int = 0
 
 
+def polished(system: CoupledSystem, outcome: NewtonResult) -> NewtonResult:
+    """The exact stationary point to rounding: two more Newton iterations, if they help."""
+    again = solve_update(system, outcome.state, outcome.state.chi, np.inf, POLISHING)
+    better = again if again.optimality < outcome.optimality else outcome
+    iterations = outcome.iterations + again.iterations
+    return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
+
+
 class Stepper(ABC):
     """A kind of step.
 
@@ -85,14 +93,7 @@ class BackwardEuler(Stepper):
         last = np.isinf(dt)
         settings = newton.at_most(EXACT) if last else newton
         outcome = solve_update(self.system, state, state.chi, dt, settings, self.elimination)
-        return self._polished(outcome) if outcome.converged and last else outcome
-
-    def _polished(self, outcome: NewtonResult) -> NewtonResult:
-        """The exact stationary point to rounding: two more Newton iterations, if they help."""
-        again = solve_update(self.system, outcome.state, outcome.state.chi, np.inf, POLISHING)
-        better = again if again.optimality < outcome.optimality else outcome
-        iterations = outcome.iterations + again.iterations
-        return dataclasses.replace(better, converged=True, reason="", iterations=iterations)
+        return polished(self.system, outcome) if outcome.converged and last else outcome
 
     def grown(self, past: Past, dt: float, outcome: NewtonResult) -> float:
         """See `Stepper`."""

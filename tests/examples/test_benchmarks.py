@@ -14,7 +14,8 @@ import pytest
 
 from ngspring.evolution.bench import PARTS
 from ngspring.kkt.bench import bench_problem
-from ngspring.kkt.system import CoupledSystem, State
+from ngspring.kkt.state import State
+from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
 
 FOLDER = Path(__file__).parents[2] / "examples" / "benchmarks"
