@@ -137,8 +137,8 @@ class Design:
 
     def density(self, x: Any, y: Any) -> FloatArray:
         """rho(chi) of Eq. 2 at points of the full domain."""
-        # Deeper in the void exp(-chi) would overflow.
-        return np.asarray(1 / (1 + np.exp(-np.maximum(self.chi(x, y), -200.0))))
+        # However deep in the void, where exp(-chi) would overflow.
+        return np.asarray(np.exp(-np.logaddexp(0.0, -self.chi(x, y))))
 
     @property
     def volume(self) -> float:

@@ -46,8 +46,6 @@ class Row:
     ----------
     update : int
         Number of the design update; 0 is the initial design.
-    elements : int
-        N of the N x N mesh; 0 in histories of older versions, of runs on one mesh.
     dt : float
         Pseudo-time step; infinite in the final one, 0 for the start, for the first state on another
         mesh (`ngspring.evolution.ladder`) and for a return to the path from rest
@@ -69,10 +67,11 @@ class Row:
         Volume in mm^3, and Eq. 20 or 25 over H.
     seconds : float
         Since the start.
+    elements : int
+        N of the N x N mesh; 0 in histories of older versions, of runs on one mesh.
     """
 
     update: int
-    elements: int = 0
     dt: float = math.nan
     newton_iterations: int = 0
     rejected: int = 0
@@ -85,6 +84,7 @@ class Row:
     V: float = math.nan
     width: float = math.nan
     seconds: float = math.nan
+    elements: int = 0
 
     @property
     def is_end(self) -> bool:

@@ -110,7 +110,7 @@ def test_why_a_loop_was_left_is_a_note_of_the_design() -> None:
 
 def test_a_row_goes_into_the_table_and_back() -> None:
     row = Row(
-        3, 40, 10.0, 4, 1, 7, -2.5, 0.1, {"volume": 0.05}, (0.01, 0.04), (2.0, -2.0), 99.0, 0.2, 1.5
+        3, 10.0, 4, 1, 7, -2.5, 0.1, {"volume": 0.05}, (0.01, 0.04), (2.0, -2.0), 99.0, 0.2, 1.5, 40
     )
     history = History.from_rows([row])
     assert history.columns == (
