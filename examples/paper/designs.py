@@ -20,6 +20,7 @@ from ngspring.campaign.plan import read_campaign
 from ngspring.cli.progress import shown_progress
 from ngspring.cli.tables import make_console
 from ngspring.evolution.folder import read_design
+from ngspring.evolution.ladder import NO_LADDER
 from ngspring.problem.scaling import on_mesh
 from ngspring.view.figure import save_figure
 from ngspring.view.text import width_symbol
@@ -91,6 +92,7 @@ def recompute(name: str, options: Options) -> Design:
             resume=True,
             threads=options.threads,
             start_name=run.start_name,
+            ladder=None if run.ladder else NO_LADDER,
         )
     if not result.converged:
         print(f"{name}: not converged: {result.message}")

@@ -15,6 +15,7 @@ import ngspring
 import ngspring.analysis.mechanics
 from ngspring import ControlPoint, Design, History, SpringProblem, gallery
 from ngspring.basics.arrays import FloatArray
+from ngspring.design.history import by_mesh
 from ngspring.evolution.estimate import seconds_left
 from ngspring.evolution.runstate import (
     CONVERGED,
@@ -201,51 +202,44 @@ def test_the_index_of_a_campaign_links_to_its_runs(tmp_path: Path) -> None:
 # -- time left -------------------------------------------------------------------------------------
 
 
+def with_clean_seconds(history: History) -> History:
+    """The history of a machine with nothing beside: seconds as the iterations of each mesh cost."""
+    values = history.values.copy()
+    begun = history["dt"] == 0.0
+    iterations = history["newton_iterations"] + history["rejected_iterations"] + 2 * begun
+    cost = (history["elements"] / 80) ** 2.2
+    values[:, history.columns.index("seconds")] = np.cumsum(iterations * cost)
+    return History(history.columns, values)
+
+
 def ratios(name: str) -> FloatArray:
-    """Share of the time that is over, and estimated over real time left, for every update."""
+    """Estimated over real time left, for every update but the first and last ones."""
     design = gallery[name]
-    history = design.history
-    assert history is not None
+    assert design.history is not None
+    history = with_clean_seconds(design.history)
     seconds = history["seconds"]
     found = []
-    for rows in range(4, len(history)):
+    for rows in range(4, len(history) - 2):
         estimate = seconds_left(cut(history, rows), design.problem)
         assert estimate is not None
-        left = seconds[-1] - seconds[rows - 1]
-        found.append((seconds[rows - 1] / seconds[-1], estimate / left))
+        found.append(estimate / (seconds[-1] - seconds[rows - 1]))
     return np.array(found)
 
 
-def continued(name: str) -> bool:
-    """Whether a design was continued from another; runs of two updates say nothing."""
-    design = gallery[name]
-    assert design.history is not None
-    return design.info["start"].startswith("run ") and len(design.history) > 5
+def climbed(name: str) -> bool:
+    """Whether a stored design came over a ladder of meshes."""
+    history = gallery[name].history
+    return history is not None and len(by_mesh(history.rows())) > 1
 
 
-SHORT = [name for name in gallery if len(gallery[name].history or ()) <= 5]
-#: Crept for hundreds of updates before there were leaps, which nothing told beforehand.
-CREPT = {"CT4", "CT5"}
-CONTINUED = sorted(name for name in gallery if continued(name) and name not in CREPT)
+CLIMBED = sorted(filter(climbed, gallery))
 
 
-@pytest.mark.parametrize("name", sorted(set(gallery) - set(CONTINUED) - CREPT - set(SHORT)))
-def test_the_time_left_is_right_within_a_factor_of_four_in_the_second_half(name: str) -> None:
+@pytest.mark.parametrize("name", CLIMBED)
+def test_the_time_left_is_right_within_a_factor_of_four(name: str) -> None:
     found = ratios(name)
-    second = found[found[:, 0] > 0.5, 1]
-    assert len(second) > 5
-    assert second.min() > 1 / 4
-    assert second.max() < 4
-    # Before, it may be ten times too low, as the report says.
-    assert found[:, 1].min() > 0.09
-    assert found[:, 1].max() < 5
-
-
-@pytest.mark.parametrize("name", CONTINUED)
-def test_the_time_left_of_a_continued_run_is_at_most_twenty_times_too_long(name: str) -> None:
-    found = ratios(name)[:, 1]
-    assert found.min() > 0.2
-    assert found.max() < 20
+    assert found.min() > 1 / 4
+    assert found.max() < 4
 
 
 def test_the_time_left_is_not_known_at_once_and_nothing_at_the_end() -> None:
