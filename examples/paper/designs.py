@@ -5,16 +5,15 @@ What the designs are is said in gallery.toml.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from ngspring import Design, gallery, load_displacement, optimize
-from ngspring.analysis.finished import responses_in_gallery
+from ngspring import Design, gallery, optimize
+from ngspring.analysis.finished import curve_of
 from ngspring.analysis.states import States, curve_displacements, index_of
 from ngspring.campaign.plan import read_campaign
 from ngspring.cli.progress import shown_progress
@@ -99,14 +98,6 @@ def recompute(name: str, options: Options) -> Design:
     return result.design
 
 
-def curve_at(design: Design, places: Sequence[float], threads: int | None) -> States:
-    """The stored curve of a design, if there is one of these displacements; else it is computed."""
-    stored = responses_in_gallery(design)
-    if stored is not None and np.array_equal(stored[0.0].d, places):
-        return stored[0.0]
-    return load_displacement(design, places, threads=threads)
-
-
 def compute_curves(
     designs: Mapping[str, Design | None], options: Options
 ) -> tuple[dict[str, States], Numbers]:
@@ -118,7 +109,7 @@ def compute_curves(
             continue
         points = [point for point in design.problem.control_points if not point.eta]
         places = {0.0, *curve_displacements(design, points=options.points), *(p.d for p in points)}
-        curves[name] = curve = curve_at(design, sorted(places), options.threads)
+        curves[name] = curve = curve_of(design, sorted(places), threads=options.threads)
         symbol = width_symbol(design.problem)
         numbers[name] = {symbol: design.relative_width}
         for point in points:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import as_file
 from pathlib import Path
 
 from ngspring.analysis.response import Response
-from ngspring.analysis.states import States, curve_displacements
+from ngspring.analysis.states import States, curve_displacements, index_of
 from ngspring.analysis.stored import StoredResponse, StoredStates
 from ngspring.basics.errors import DesignFileError
 from ngspring.design.design import Design
@@ -40,6 +40,37 @@ def responses_of(
     """
     stored = stored_responses(design, folder)
     return computed_responses(design, threads) if stored is None else stored
+
+
+def curve_of(
+    design: Design,
+    displacements: Sequence[float],
+    folder: Path | None = None,
+    threads: int | None = None,
+) -> States:
+    """The response of a design at displacements in mm, in their order.
+
+    Stored, where all of them are among the stored ones; else computed.
+
+    Parameters
+    ----------
+    design : Design
+    displacements : sequence of float
+    folder : path, optional
+        Of the design's file.
+    threads : int, optional
+        See `ngspring.optimize`.
+    """
+    stored = stored_responses(design, folder)
+    curve = None if stored is None else stored[0.0]
+    if curve is not None and curve.complete:
+        places = [index_of(curve, d) for d in displacements]
+        found = [place for place in places if place is not None]
+        if len(found) == len(places):
+            return curve.selected(found)
+    from ngspring.analysis.forward import load_displacement
+
+    return load_displacement(design, displacements, threads=threads)
 
 
 def computed_responses(design: Design, threads: int | None = None) -> dict[float, Response]:

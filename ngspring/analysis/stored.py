@@ -10,8 +10,9 @@ coefficients. Another design's is never taken for its own.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,6 +76,15 @@ class StoredResponse:
     def complete(self) -> bool:
         """Whether every displacement that was asked for was reached."""
         return not self.message
+
+    def selected(self, places: Sequence[int]) -> StoredResponse:
+        """The same with these of its points only, in this order."""
+        k = np.asarray(places, dtype=int)
+        numbers = {name: getattr(self, name)[k] for name in _NUMBERS}
+        fields = {
+            new: self.nodes_u[old] for new, old in enumerate(map(int, k)) if old in self.nodes_u
+        }
+        return dataclasses.replace(self, nodes_u=fields, **numbers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,6 +57,7 @@ def verify_command(
         level=offset_level(design, offset),
         elements_across=elements_across,
         threads=threads,
+        folder=path.parent,
     )
     make_console().print(verification_table(outcome))
     for line in verification_lines(outcome):

@@ -9,13 +9,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ngspring.analysis.forward import load_displacement
-from ngspring.analysis.response import Response
-from ngspring.analysis.states import curve_displacements, force_at, index_of
+from ngspring.analysis.finished import curve_of
+from ngspring.analysis.states import States, curve_displacements, force_at, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
 from ngspring.basics.text import significant
@@ -70,7 +70,7 @@ class Verification:
     design : Design
     body : Body
         The remodelled solid.
-    third_medium : Response
+    third_medium : Response or StoredResponse
     contact : ContactResponse
     smallest_wall : float
         Diameter in mm of the smallest disc in the solid that touches two opposite surfaces;
@@ -79,7 +79,7 @@ class Verification:
 
     design: Design
     body: Body
-    third_medium: Response
+    third_medium: States
     contact: ContactResponse
     smallest_wall: float
 
@@ -225,6 +225,7 @@ def verify(
     elements_across: int = 4,
     settings: ContactSettings | None = None,
     threads: int | None = None,
+    folder: Path | None = None,
 ) -> Verification:
     """Remodel a design with a body-fitted mesh and real contact, and compare the curves.
 
@@ -241,6 +242,9 @@ def verify(
     settings : ContactSettings, optional
     threads : int, optional
         See `ngspring.optimize`.
+    folder : path, optional
+        Of the design's file: a load path of the third medium that is stored there, or with the
+        gallery, is not computed again.
 
     Raises
     ------
@@ -255,7 +259,7 @@ def verify(
     wanted = list(displacements)
     body = mesh_body(design, level=level, elements_across=elements_across)
     contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)
-    third_medium = load_displacement(design, wanted, threads=threads)
+    third_medium = curve_of(design, wanted, folder, threads)
     quality = body.quality
     assert quality is not None  # the mesh was made here
     return Verification(design, body, third_medium, contact, quality.thinnest_wall)

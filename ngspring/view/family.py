@@ -41,6 +41,9 @@ def family_figure(family: Family) -> Figure:
             markeredgecolor="black",
             label="by the evolution",
         )
+    if targets[-1] < targets[0]:
+        # In the order of the designs below.
+        axes.invert_xaxis()
     axes.set_xlabel(f"target q [N] at d = {last.control_points[j].d:g} mm")
     axes.set_ylabel(width_symbol(first))
     axes.grid(color="0.92")

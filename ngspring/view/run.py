@@ -158,9 +158,10 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
 
 
 def _mark_meshes(axes: Sequence[Axes], history: History) -> None:
-    """Dashed lines where a finer mesh took over, with its elements at the foot of the first."""
-    for mesh in by_mesh(history.rows())[1:]:
-        for ax in axes:
+    """Dashed lines where a finer mesh took over, with their elements at the foot of the first."""
+    meshes = by_mesh(history.rows())
+    for mesh in meshes if len(meshes) > 1 else ():
+        for ax in axes if mesh[0].update else ():
             ax.axvline(mesh[0].update, color="0.5", linestyle="--", linewidth=0.8)
         axes[0].annotate(
             f"{mesh[0].elements} × {mesh[0].elements}",

@@ -16,6 +16,7 @@ from ngspring import ControlPoint, Design, DesignFileError, SpringProblem, galle
 from ngspring.analysis.finished import (
     STATES_FILE,
     computed_responses,
+    curve_of,
     responses_in,
     responses_in_gallery,
     responses_of,
@@ -23,7 +24,7 @@ from ngspring.analysis.finished import (
 from ngspring.analysis.path import Jump
 from ngspring.analysis.response import Response
 from ngspring.analysis.states import control_places, full_displacement
-from ngspring.analysis.stored import StoredStates
+from ngspring.analysis.stored import StoredResponse, StoredStates
 from ngspring.basics.text import significant
 
 POINTS = ControlPoint(10.0, 2.0), ControlPoint(-10.0, -2.0), ControlPoint(10.0, 2.0, eta=1.0)
@@ -267,3 +268,23 @@ def test_the_stored_load_path_of_every_design_is_what_is_computed() -> None:
             np.testing.assert_allclose(stored[eta].q, response.q, rtol=1e-6, err_msg=name)
             for place, u in stored[eta].nodes_u.items():
                 np.testing.assert_allclose(u, response.nodes_u[place], atol=1e-3, err_msg=name)
+
+
+def test_a_curve_at_stored_displacements_is_not_computed_again() -> None:
+    design = gallery["C7"]
+    places = [10.0, -20.0, -2.0]
+    curve = curve_of(design, places)
+    assert isinstance(curve, StoredResponse)
+    # In the order asked for, with the fields of the control points where they belong.
+    assert curve.d.tolist() == places
+    forces = dict(zip([p.d for p in design.problem.control_points], design.info["q"], strict=True))
+    assert curve.q[:2] == pytest.approx([forces[10.0], forces[-20.0]], rel=1e-9)
+    assert sorted(curve.nodes_u) == [0, 1]
+    assert curve.nodes_u[0][1].max() == pytest.approx(10.0 / 2, rel=1e-3)
+
+
+def test_a_curve_elsewhere_is_computed() -> None:
+    design = gallery["C7"].with_problem(PROBLEM)
+    curve = curve_of(design, [0.0, 1.0], threads=1)
+    assert isinstance(curve, Response)
+    assert curve.d.tolist() == [0.0, 1.0]
