@@ -5,6 +5,8 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 - ``missing``: designs of the campaign that are not stored yet;
 - ``growth``: W/H along the families of the paper;
 - ``designs``: every stored design with its targets, what it reached, W/H, the effort, the start;
+- ``ladder``: what was stored before coarse meshes came first (results/before_ladder.json) beside
+  the designs that were run again since;
 - ``stability``: where its symmetric path loses stability (results/stability.json, written by
   stability_of_gallery.py);
 - ``verification``: how far the remodelled solid with real contact is from the third medium
@@ -24,6 +26,7 @@ from gallery_results import read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
+from ngspring.design.history import by_mesh
 from ngspring.problem.point import worst_deviation
 from ngspring.view.text import deviation_text
 
@@ -105,6 +108,38 @@ def growth_lines() -> str:
     return "\n".join(lines)
 
 
+def ladder_row(name: str, before: dict[str, Any]) -> Row:
+    design = gallery[name]
+    assert design.history is not None
+    meshes = by_mesh(design.history.rows())
+    effort = [f"{sum(row.iterations for row in mesh)} on {mesh[0].elements}" for mesh in meshes]
+    change = design.history.last().C / before["C"] - 1
+    return (
+        name,
+        str(design.info["start"]),
+        str(before["iterations"]),
+        ", ".join(effort),
+        f"{before['width']:.6f}",
+        f"{design.relative_width:.6f}",
+        "none" if abs(change) < 1e-9 else f"{100 * change:+.4f} %",
+    )
+
+
+def ladder_table() -> str:
+    before = read("before_ladder")
+    again = [name for name in names() if name in before and has_meshes(gallery[name])]
+    header = (
+        "design", "start", "iterations before", "iterations now, by mesh", "W/H or D/H before",
+        "now", "change of C",
+    )  # fmt: skip
+    return table(header, [ladder_row(name, before[name]) for name in again])
+
+
+def has_meshes(design: Design) -> bool:
+    """Whether its history tells the mesh of each update: it was run since there are ladders."""
+    return design.history is not None and design.history.last().elements > 0
+
+
 def stability_row(name: str, found: dict[str, Any]) -> Row:
     low, high = found["range"]
     events = [
@@ -181,6 +216,7 @@ def page() -> str:
     text = PAGE.read_text(encoding="utf-8")
     text = replaced(text, "designs", designs_table())
     text = replaced(text, "missing", missing_line())
+    text = replaced(text, "ladder", ladder_table())
     text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
     return replaced(text, "verification", verification_table())
