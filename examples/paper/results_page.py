@@ -6,7 +6,7 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 - ``growth``: W/H along the families of the paper;
 - ``designs``: every stored design with its targets, what it reached, W/H, the effort, the start;
 - ``ladder``: what was stored before coarse meshes came first (results/before_ladder.json) beside
-  the designs that were run again since;
+  what they lead to (results/ladder.json, written by ladder_of_gallery.py);
 - ``stability``: where its symmetric path loses stability (results/stability.json, written by
   stability_of_gallery.py);
 - ``verification``: how far the remodelled solid with real contact is from the third medium
@@ -26,7 +26,6 @@ from gallery_results import read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
-from ngspring.design.history import by_mesh
 from ngspring.problem.point import worst_deviation
 from ngspring.view.text import deviation_text
 
@@ -108,36 +107,28 @@ def growth_lines() -> str:
     return "\n".join(lines)
 
 
-def ladder_row(name: str, before: dict[str, Any]) -> Row:
-    design = gallery[name]
-    assert design.history is not None
-    meshes = by_mesh(design.history.rows())
-    effort = [f"{sum(row.iterations for row in mesh)} on {mesh[0].elements}" for mesh in meshes]
-    change = design.history.last().C / before["C"] - 1
+def ladder_row(name: str, before: dict[str, Any], now: dict[str, Any]) -> Row:
+    change = now["C"] / before["C"] - 1
     return (
         name,
-        str(design.info["start"]),
+        str(now["start"]),
         str(before["iterations"]),
-        ", ".join(effort),
+        ", ".join(f"{count} on {mesh}" for mesh, count in now["iterations"].items()),
         f"{before['width']:.6f}",
-        f"{design.relative_width:.6f}",
+        f"{now['width']:.6f}",
         "none" if abs(change) < 1e-9 else f"{100 * change:+.4f} %",
+        f"{now['density']:.0e}",
     )
 
 
 def ladder_table() -> str:
-    before = read("before_ladder")
-    again = [name for name in names() if name in before and has_meshes(gallery[name])]
+    before, now = read("before_ladder"), read("ladder")
     header = (
         "design", "start", "iterations before", "iterations now, by mesh", "W/H or D/H before",
-        "now", "change of C",
+        "now", "change of C", "largest change of density",
     )  # fmt: skip
-    return table(header, [ladder_row(name, before[name]) for name in again])
-
-
-def has_meshes(design: Design) -> bool:
-    """Whether its history tells the mesh of each update: it was run since there are ladders."""
-    return design.history is not None and design.history.last().elements > 0
+    again = [name for name in names() if name in now]
+    return table(header, [ladder_row(name, before[name], now[name]) for name in again])
 
 
 def stability_row(name: str, found: dict[str, Any]) -> Row:

@@ -138,7 +138,7 @@ def test_figs_4_and_5_of_the_stored_c4(
 def test_the_curves_of_stored_designs_are_not_computed_again(
     tmp_path: Path, saved: dict[str, Figure], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(script("designs"), "load_displacement", None)
+    monkeypatch.setattr("ngspring.analysis.forward.load_displacement", None)
     numbers = draw("14", arguments(tmp_path))
     assert set(numbers) == set(FAMILIES["14"])
     for name, values in numbers.items():
@@ -239,7 +239,7 @@ def test_curves_cover_the_whole_range_with_41_points(
         asked.extend(places)
         return load_displacement(design, [0.0, 10.0], threads=1)
 
-    monkeypatch.setattr(paper, "load_displacement", record)
+    monkeypatch.setattr(paper, "curve_of", record)
     options = paper.Options()
     curves, numbers = paper.compute_curves({"C1": stand_ins["C1"], "CT1": None}, options)
     assert set(curves) == set(numbers) == {"C1"}
