@@ -93,7 +93,7 @@ class Evolution:
         self._stepper: Stepper | None = None
         self._rows: list[Row] = []
         self._rejected = self._rejected_iterations = 0
-        self._given_up = ""
+        self._given_up = False
         self._ended: dict[str, object] = {}
         self._seconds = 0.0
 
@@ -122,7 +122,7 @@ class Evolution:
         self._start = checkpoint.start
         self._seconds = self._rows[-1].seconds
         self._rejected = self._rejected_iterations = 0
-        self._given_up = ""
+        self._given_up = False
         self.checkpoint = checkpoint
         self.over, self.message = self._rows[-1].is_end, ""
         self._ended = dict(checkpoint.notes)
@@ -165,12 +165,12 @@ class Evolution:
         """Whether the present mesh has done its work, and another one is to come."""
         if len(self._rungs) == 1 or self._stepper is None:
             return False
-        return bool(self._given_up) or self._dt_previous >= self._ladder.leave * self._unit
+        return self._given_up or self._dt_previous >= self._ladder.leave * self._unit
 
     def _climb(self, threads: int) -> Update:
         """Go on from the present design on the next mesh, which decides what becomes of it."""
         design = self.design
-        self._rungs, self._given_up = self._rungs[1:], ""
+        self._rungs, self._given_up = self._rungs[1:], False
         self._make_system(threads)
         state, dt = self._carried(design)
         logger.info("on to %d elements", self._rungs[0].elements)
@@ -179,23 +179,22 @@ class Evolution:
     def _carried(self, design: Design) -> tuple[State, float]:
         """The state of a coarser mesh's design on this one, or the start where that went astray."""
         system, place = self._standing_on, self._rungs[0]
-        coarse = design.problem.elements
+        carried, why = None, ""
         try:
-            state = initial_state(system, design.with_problem(place))
-            why = ""
+            carried = initial_state(system, design.with_problem(place))
         except ConvergenceError as error:
             why = str(error)
         else:
-            far = worst_deviation(place.control_points, state.forces(place)) or 0.0
+            far = worst_deviation(place.control_points, carried.forces(place)) or 0.0
             if abs(far) <= self._ladder.astray:
-                return state, self._ladder.dt * self._unit
+                return carried, self._ladder.dt * self._unit
             why = f"its forces deviate by {far:.0%}"
         anew = initial_state(system, start_design(place, self._initial))
-        if "deviate" in why and system.terms(state)["C"] <= system.terms(anew)["C"]:
-            return state, self._ladder.dt * self._unit
+        if carried is not None and system.terms(carried)["C"] <= system.terms(anew)["C"]:
+            return carried, self._ladder.dt * self._unit
         logger.warning(
             "the design on %d elements led astray (%s): %d elements begin from the start",
-            coarse,
+            design.problem.elements,
             why,
             place.elements,
         )
@@ -307,7 +306,7 @@ class Evolution:
     def _fail(self, message: str) -> None:
         if len(self._rungs) > 1:
             logger.warning("given up on %d elements: %s", self._rungs[0].elements, message)
-            self._given_up = message
+            self._given_up = True
             return
         self.over, self.message = True, message
         self._ended = {"failed": message}

@@ -166,14 +166,12 @@ class Following:
         self._rejected = self._rejected_iterations = 0
         state = initial_state(self._system, design)
         outcome = self._solved(state, 0.0)
-        if outcome.converged:
-            outcome = polished(self._system, outcome)
-        else:
+        if not outcome.converged:
             raise ProblemError(
                 f"{design.problem.name or 'the design'} is no stationary point to follow"
                 f" ({outcome.reason}): finish it first"
             )
-        self._accept(outcome, 0.0)
+        self._accept(polished(self._system, outcome), 0.0)
 
     @property
     def problem(self) -> SpringProblem:
@@ -202,9 +200,10 @@ class Following:
     def reach(self, share: float, observers: Sequence[Observer] = ()) -> Reached:
         """Go on to a share of the way: follow the branch, and evolve where it ends."""
         for row in self.towards(share):
-            update = Update(True, row, row.dt, "", self.design)
-            for observer in observers:
-                observer(update)
+            if observers:  # A design with its notes takes a while.
+                update = Update(True, row, row.dt, "", self.design)
+                for observer in observers:
+                    observer(update)
         if self.share == share and not self._leaves_path_from_rest():
             return Reached(share, self.design, evolved=False)
         message = self.evolve(share, observers)
@@ -265,6 +264,7 @@ class Following:
         self.state = evolution.checkpoint.state
         self._known = [(share, self.state)]
         self._step, self.folded = self._steps.first, False
+        self._rejected = self._rejected_iterations = 0
         return evolution.message
 
     def _solved(self, guess: State, share: float) -> NewtonResult:
@@ -283,7 +283,7 @@ class Following:
         return State(*parts)
 
     def _is_next(self, outcome: NewtonResult) -> bool:
-        """Whether it is the same branch: a minimum of C, on the path that leads from rest."""
+        """Whether it is the same branch: a minimum of C, and nearly the same design."""
         if not outcome.converged:
             return False
         negative = outcome.negative_eigenvalues
