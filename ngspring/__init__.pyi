@@ -31,6 +31,8 @@ from .kkt.compound import CompoundState as CompoundState
 from .kkt.compound import compound_state as compound_state
 from .kkt.stationarity import Optimality as Optimality
 from .kkt.stationarity import optimality as optimality
+from .part.realisation import PartSettings as PartSettings
+from .part.realise import realise as realise
 from .problem.cases import cases as cases
 from .problem.cases import get_case as get_case
 from .problem.curves.curve import TargetCurve as TargetCurve
@@ -79,6 +81,7 @@ __all__ = [
     "NgspringError",
     "Optimality",
     "OutlineError",
+    "PartSettings",
     "ProblemError",
     "ReportWriter",
     "Response",
@@ -112,6 +115,7 @@ __all__ = [
     "problem_from_curve",
     "read_curve",
     "read_run",
+    "realise",
     "scaled",
     "taylor_test",
     "tolerance",

@@ -19,7 +19,7 @@ from gallery_results import HERE, read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
-from ngspring.design.history import by_mesh
+from ngspring.design.history import stages
 from ngspring.evolution.folder import DESIGN
 
 
@@ -32,7 +32,7 @@ def outcome(design: Design, stored: Design) -> dict[str, Any]:
         "width": design.relative_width,
         "iterations": {
             str(mesh[0].elements): sum(row.iterations for row in mesh)
-            for mesh in by_mesh(design.history.rows())
+            for mesh in stages(design.history.rows())
         },
         "density": largest_difference(design, stored),
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+from functools import partial
 from pathlib import Path
 
 import click
@@ -15,6 +16,7 @@ from ngspring.cli.options import (
     NOT_CONVERGED,
     OK,
     Finite,
+    FiniteRange,
     anywhere_option,
     complain,
     domain_option,
@@ -32,6 +34,8 @@ from ngspring.evolution.folder import CHECKPOINT, locked, read_design
 from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
+from ngspring.part.realisation import PartSettings
+from ngspring.part.realise import realise
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.plausibility import check_targets
@@ -59,7 +63,8 @@ from ngspring.view.run_files import write_pictures
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Run folder; runs/NAME by default, runs/NAME-N with --elements.",
+    help="Run folder; runs/NAME by default, runs/NAME-N with --elements, runs/NAME-part with"
+    " --part.",
 )
 @click.option("--resume", is_flag=True, help="Continue the run in the folder.")
 @threads_option
@@ -71,6 +76,21 @@ from ngspring.view.run_files import write_pictures
     default="on",
     show_default=True,
     help="Coarse meshes come first (N/4, N/2), unless the start is a finished design.",
+)
+@click.option(
+    "--part",
+    is_flag=True,
+    help="Correct what the third medium is asked for, until the solid goes through the targets.",
+)
+@click.option(
+    "--tolerance",
+    type=FiniteRange(1e-4, 99.0),
+    help="With --part: largest deviation of the solid's forces in percent (default: 0.5).",
+)
+@click.option(
+    "--corrections",
+    type=click.IntRange(1, 1000),
+    help="With --part: corrections at most (default: 12).",
 )
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
@@ -88,6 +108,9 @@ def optimize_command(
     max_updates: int | None,
     dt_initial: float | None,
     ladder: str,
+    part: bool,
+    tolerance: float | None,
+    corrections: int | None,
     solver: str,
     report: bool,
     anyway: bool,
@@ -97,6 +120,9 @@ def optimize_command(
 
     Targets are checked first, as by `ngspring targets`: what is doubtful is said on stderr, what
     cannot be met is refused.
+
+    With --part the design is corrected until its solid, computed with real contact, goes through
+    the targets.
 
     A checkpoint is written after every design update: after Ctrl-C, a crash or a power failure,
     the same command with --resume continues. The end is told in report.html, for a browser.
@@ -112,6 +138,8 @@ def optimize_command(
         problem = problem.replace(domain=domain)
     if seed is not None and initial != "random":
         raise click.UsageError("--seed belongs to --initial random")
+    settings = _part_settings(part, tolerance, corrections)
+    name = f"{name}-part" if part else name
     folder = Path("runs", name) if out is None else out
     if not resume:
         for note in notes:
@@ -123,7 +151,8 @@ def optimize_command(
     writers = (ReportWriter(folder / REPORT),) if report else ()
     try:
         with shown_progress(problem, make_console()) as observer:
-            result = optimize(
+            design_it = optimize if settings is None else partial(realise, settings=settings)
+            result = design_it(
                 problem,
                 start,
                 dt_initial,
@@ -146,6 +175,9 @@ def optimize_command(
             "--threads": threads,
             "--max-updates": max_updates,
             "--ladder": None if ladder == "on" else ladder,
+            "--part": part,
+            "--tolerance": tolerance,
+            "--corrections": corrections,
             "--out": folder,
             "--solver": None if solver == "auto" else solver,
             "--report": report,
@@ -153,7 +185,7 @@ def optimize_command(
             "--resume": True,
         }
         return _interrupted(folder, command_line(("optimize", case), options))
-    make_console().print(points_table(problem, [float(q) for q in result.q]))
+    make_console().print(points_table(result.design, [float(q) for q in result.q]))
     for line in [*design_lines(result.design), *lines]:
         click.echo(line)
     if result.converged:
@@ -161,6 +193,22 @@ def optimize_command(
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1
     return OK if max_updates is not None and updates >= max_updates else NOT_CONVERGED
+
+
+def _part_settings(
+    part: bool, tolerance: float | None, corrections: int | None
+) -> PartSettings | None:
+    """What --part and the options that belong to it ask for."""
+    if not part:
+        for name, value in (("--tolerance", tolerance), ("--corrections", corrections)):
+            if value is not None:
+                raise click.UsageError(f"{name} belongs to --part")
+        return None
+    default = PartSettings()
+    return PartSettings(
+        default.tolerance if tolerance is None else tolerance / 100,
+        default.corrections if corrections is None else corrections,
+    )
 
 
 def _interrupted(folder: Path, again: str) -> int:

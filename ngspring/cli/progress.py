@@ -13,10 +13,17 @@ from rich.live import Live
 from rich.table import Table
 
 from ngspring.basics.text import significant
+from ngspring.design.corrections import Correction
 from ngspring.design.history import Row
 from ngspring.evolution.updates import Observer, Update
 from ngspring.problem.spring import SpringProblem
-from ngspring.view.text import deviation_percent, duration, point_label, width_symbol
+from ngspring.view.text import (
+    deviation_percent,
+    duration,
+    point_label,
+    signed_percent,
+    width_symbol,
+)
 
 News = TypeVar("News", contravariant=True)
 
@@ -26,10 +33,13 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
     if not update.accepted:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
+    if update.correction is not None:
+        return solid_line(update.correction, row.correction, problem)
     mesh = f" on {row.elements} elements" if row.elements != problem.elements else ""
+    mesh += f" correction {row.correction}" if row.correction else ""
     forces = " ".join(
-        f"{significant(q, 5)}/{point.q:g}"
-        for q, point in zip(row.q, problem.control_points, strict=True)
+        f"{significant(q, 5)}/{point.q_star:.5g}"
+        for q, point in zip(row.q, update.design.problem.control_points, strict=True)
     )
     return (
         f"update {row.update:4}{mesh} dt {row.dt:.1e}"
@@ -39,12 +49,25 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
     )
 
 
+def solid_line(correction: Correction, number: int, problem: SpringProblem) -> str:
+    """One line about what the solid of a stationary design carries."""
+    points = problem.control_points
+    forces = " ".join(
+        f"{significant(q, 5)}/{point.q:g}"
+        for q, point in zip(correction.solid, points, strict=True)
+    )
+    worst = signed_percent(correction.worst(points), 2)
+    return f"the solid after {number} corrections: q/target {forces}, worst {worst}"
+
+
 class LiveTable:
     """The state of a run as a table, drawn anew several times a second."""
 
     def __init__(self, problem: SpringProblem) -> None:
         self._problem = problem
         self._row: Row | None = None
+        self._points = problem.control_points
+        self._solid = ""
         self._shown = time.monotonic()
         self._rejected = ""
 
@@ -53,6 +76,10 @@ class LiveTable:
         self._shown = time.monotonic()
         if update.accepted:
             self._row, self._rejected = update.row, ""
+            self._points = update.design.problem.control_points
+            if update.correction is not None:
+                worst = update.correction.worst(self._points)
+                self._solid = signed_percent(worst, 2)
         else:
             self._rejected = f"dt {update.dt:.1e} rejected: {update.reason}"
 
@@ -70,13 +97,16 @@ class LiveTable:
         table.add_row("design update", str(row.update))
         if row.elements != problem.elements:
             table.add_row("elements", str(row.elements), str(problem.elements))
+        if self._solid:
+            table.add_row("corrections", str(row.correction))
+            table.add_row("worst of the last solid", "", "", self._solid)
         table.add_row("dt", f"{row.dt:.1e}")
         table.add_row("Newton iterations", str(row.newton_iterations))
         table.add_row("C", f"{row.C:.4e}")
         table.add_row(width_symbol(problem), f"{row.width:.4f}")
-        for q, point in zip(row.q, problem.control_points, strict=True):
-            name = f"q [N] at {point_label(point)}"
-            table.add_row(name, significant(q, 5), f"{point.q:g}", deviation_percent(q, point.q))
+        for q, point in zip(row.q, self._points, strict=True):
+            name, asked = f"q [N] at {point_label(point)}", point.q_star
+            table.add_row(name, significant(q, 5), f"{asked:.5g}", deviation_percent(q, asked))
         table.add_row("elapsed", duration(row.seconds + since))
         if self._rejected:
             table.caption = self._rejected

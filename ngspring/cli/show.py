@@ -35,7 +35,7 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
         click.echo(line)
     responses = responses_of(design, path.parent, threads)
     forces = [reached(responses, point) for point in design.problem.control_points]
-    make_console().print(points_table(design.problem, forces))
+    make_console().print(points_table(design, forces))
     curve = responses[0.0]
     if write_pictures({picture: lambda: design_figure(design, responses, curve)}):
         click.echo(f"picture: {picture}")

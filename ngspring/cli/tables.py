@@ -11,8 +11,8 @@ from rich.table import Table
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
 from ngspring.design.history import History
-from ngspring.problem.spring import SpringProblem
-from ngspring.view.text import deviation_percent, duration, width_symbol
+from ngspring.view.targets import targets_table
+from ngspring.view.text import duration, width_symbol
 
 
 def make_console() -> Console:
@@ -30,14 +30,12 @@ def new_table(*columns: str, texts: Collection[str] = (), title: str | None = No
     return table
 
 
-def points_table(problem: SpringProblem, forces: Sequence[float | None]) -> Table:
-    """Reached forces against their targets; None where the path ends before."""
-    table = new_table("d [mm]", "η", "target q [N]", "reached q [N]", "deviation")
-    for point, q in zip(problem.control_points, forces, strict=True):
-        reached = (
-            ("not reached", "") if q is None else (significant(q, 6), deviation_percent(q, point.q))
-        )
-        table.add_row(f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *reached)
+def points_table(design: Design, forces: Sequence[float | None]) -> Table:
+    """Forces of a design against their targets; None where the path ends before."""
+    columns, rows = targets_table(design.problem, forces, design.solid)
+    table = new_table(*columns)
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

@@ -13,6 +13,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import real_array, shown
 from ngspring.basics.errors import NgspringError, ProblemError
 from ngspring.basics.files import TEXT, Part, PathLike, reading_arrays, write_arrays
+from ngspring.design.corrections import solid_in
 from ngspring.design.history import HISTORY_PARTS, History
 from ngspring.design.notes import checked_notes
 from ngspring.design.splines import evaluate, greville_points
@@ -152,6 +153,15 @@ class Design:
         rho = self.density(x[:, None], y[None, :])
         across = weight * problem.h_x * problem.replace(domain="quarter").measure(x)
         return float(across @ rho @ (weight * problem.h_y))
+
+    @property
+    def solid(self) -> tuple[float, ...] | None:
+        """Forces in N of its solid at the control points, by real contact.
+
+        NaN where its path did not get there; None unless `ngspring.realise` has computed them.
+        """
+        aims = [point.q_star for point in self.problem.control_points]
+        return solid_in(self.info, aims) if self.info.get("converged") else None
 
     @property
     def equivalent_width(self) -> float:

@@ -18,6 +18,7 @@ from ngspring.basics.files import Part
 _FIRST = (
     "update",
     "elements",
+    "correction",
     "dt",
     "newton_iterations",
     "rejected",
@@ -28,9 +29,16 @@ _FIRST = (
 _LAST = ("V", "width", "seconds")
 _KNOWN = (*_FIRST, *_LAST)
 #: Columns that count something.
-_WHOLE = ("update", "elements", "newton_iterations", "rejected", "rejected_iterations")
+_WHOLE = (
+    "update",
+    "elements",
+    "correction",
+    "newton_iterations",
+    "rejected",
+    "rejected_iterations",
+)
 #: Columns that histories of older versions do not have.
-_ADDED = ("leap", "elements")
+_ADDED = ("leap", "elements", "correction")
 #: Neither counts nor seconds are as large.
 _MOST = 1e12
 _OF_POINT = re.compile(r"(C_q|q)\d+")
@@ -48,8 +56,8 @@ class Row:
         Number of the design update; 0 is the initial design.
     dt : float
         Pseudo-time step; infinite in the final one, 0 for the start, for the first state on another
-        mesh (`ngspring.evolution.ladder`) and for a return to the path from rest
-        (`ngspring.evolution.branches`).
+        mesh (`ngspring.evolution.ladder`) or with corrected targets (`ngspring.realise`), and for a
+        return to the path from rest (`ngspring.evolution.branches`).
     newton_iterations : int
         Of the accepted step.
     rejected, rejected_iterations : int
@@ -69,6 +77,8 @@ class Row:
         Since the start.
     elements : int
         N of the N x N mesh; 0 in histories of older versions, of runs on one mesh.
+    correction : int
+        How often the targets of the third medium have been corrected (`ngspring.realise`).
     """
 
     update: int
@@ -85,6 +95,7 @@ class Row:
     width: float = math.nan
     seconds: float = math.nan
     elements: int = 0
+    correction: int = 0
 
     @property
     def is_end(self) -> bool:
@@ -129,7 +140,7 @@ class Row:
     def from_columns(cls, columns: Mapping[str, float]) -> Row:
         """A row of the stored table; what it does not hold has the default.
 
-        Histories of older versions have no ``leap`` or ``elements``.
+        Histories of older versions have no ``leap``, ``elements`` or ``correction``.
         """
         plain: dict[str, Any] = {name: columns[name] for name in _KNOWN if name in columns}
         whole = {name: int(plain.pop(name)) for name in _WHOLE if name in plain}
@@ -155,9 +166,13 @@ def _numbered(prefix: str, columns: Mapping[str, float]) -> tuple[float, ...]:
     return tuple(values)
 
 
-def by_mesh(rows: Iterable[Row]) -> list[list[Row]]:
-    """Rows of a history, in order, parted where the mesh changes; the first is a mesh's start."""
-    return [list(group) for _, group in itertools.groupby(rows, key=lambda row: row.elements)]
+def stages(rows: Iterable[Row]) -> list[list[Row]]:
+    """Rows of a history, in order, parted where the mesh or the corrected targets change.
+
+    The first of each is where the stage starts.
+    """
+    groups = itertools.groupby(rows, key=lambda row: (row.elements, row.correction))
+    return [list(group) for _, group in groups]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,17 +7,19 @@ from typing import Any
 
 from ngspring.basics.arrays import LARGEST
 from ngspring.basics.checks import finite_number, printable, refused
+from ngspring.design.corrections import CORRECTIONS, MISSED, checked_corrections
 
 #: Notes that are text, and how many characters they may have.
-_TEXTS, LONGEST_NOTE = ("start", "failed", "stopped", "ngsolve"), 300
+_TEXTS, LONGEST_NOTE = ("start", "failed", "stopped", "ngsolve", MISSED), 300
 
 
 def checked_notes(info: object, points: int) -> dict[str, Any]:
     """Notes of a design with ``points`` control points; texts are made printable.
 
-    ``start``, ``failed``, ``stopped`` and ``ngsolve`` are texts, ``converged`` a truth value,
-    ``falling_directions`` an integer, ``q`` a force for each control point, and ``grey`` shares of
-    the strain energy. Others are the user's own.
+    ``start``, ``failed``, ``stopped``, ``missed`` and ``ngsolve`` are texts, ``converged`` a truth
+    value, ``falling_directions`` an integer, ``q`` a force for each control point, ``grey`` shares
+    of the strain energy, and ``corrections`` see `ngspring.design.corrections`. Others are the
+    user's own.
 
     Raises
     ------
@@ -46,4 +48,6 @@ def checked_notes(info: object, points: int) -> dict[str, Any]:
         if not isinstance(notes["grey"], list | tuple):
             raise refused("the note grey", notes["grey"], "a list of shares of the strain energy")
         notes["grey"] = [finite_number("the note grey", share) for share in notes["grey"]]
+    if CORRECTIONS in notes:
+        notes[CORRECTIONS] = checked_corrections(notes[CORRECTIONS], points)
     return notes

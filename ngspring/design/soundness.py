@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ngspring.design.corrections import MISSED
 from ngspring.design.design import Design
 
 #: A density between these is grey.
@@ -42,7 +43,7 @@ def neck_density(design: Design) -> float:
 
 
 def flaw(design: Design, shares: Sequence[float] | None = None) -> str:
-    """Why a design is no part, in one clause; empty if it is one.
+    """Why a design is no part, or misses its targets as one, in one clause; empty if it is one.
 
     Parameters
     ----------
@@ -54,6 +55,11 @@ def flaw(design: Design, shares: Sequence[float] | None = None) -> str:
     neck = neck_density(design)
     if neck <= 0.5:
         return "its solid is not connected: no part of {chi > 0} joins bottom and top"
+    if design.info.get(MISSED):
+        return str(design.info[MISSED])
+    if design.solid is not None:
+        # What the solid carries is known: it does not hang on grey.
+        return ""
     if neck < GREY[1]:
         return (
             "it carries its load through grey: every way from end to end leads through a density of"

@@ -21,13 +21,16 @@ from ngspring.problem.spring import SpringProblem
 
 #: Forces that differ by more than this, relative to the largest target, belong to two branches.
 SAME_BRANCH = 1e-3
+#: A stationary point whose density differs by more than this, in the mean over the domain, is that
+#: of another design.
+ANOTHER_DESIGN = 0.1
 #: Residual of Eq. 8 relative to its terms, up to which the path from rest is stationary too.
 STATIONARY = 1e-6
 
 
 def on_another_branch(problem: SpringProblem, q: FloatArray, q_rest: FloatArray) -> bool:
     """Whether forces in N at the control points are not those of the path from rest."""
-    scale = max(abs(point.q) for point in problem.control_points)
+    scale = max(abs(point.q_star) for point in problem.control_points)
     return bool(np.abs(q - q_rest).max() > SAME_BRANCH * (scale or np.abs(q).max()))
 
 

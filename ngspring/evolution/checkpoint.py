@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import printable
 from ngspring.basics.files import NUMBER, TEXT, Part, PathLike, reading_arrays, write_arrays
 from ngspring.design.history import HISTORY_PARTS, History
@@ -28,6 +29,7 @@ _PARTS = {
     **{f"{name}_{part}": Part("f", ndim) for name in _STATES for part, ndim in _STATE.items()},
     # Checkpoints of older versions have none.
     **dict.fromkeys(("notes", "asked"), Part("U", 0, needed=False)),
+    "best": Part("f", 1, needed=False),
     **HISTORY_PARTS,
 }
 
@@ -37,7 +39,9 @@ class Checkpoint:
     """Everything needed to continue a run: last state, the one before, next dt, history.
 
     A finished run has notes about its design, too. ``problem`` is that of the state; where that
-    lives on a coarser mesh (`ngspring.evolution.ladder`), ``asked`` is the one that was asked for.
+    lives on a coarser mesh (`ngspring.evolution.ladder`) or has corrected targets
+    (`ngspring.realise`), ``asked`` is the one that was asked for. ``best`` is chi of the part that
+    is nearest to its targets so far, if another one is followed since.
     """
 
     problem: SpringProblem
@@ -49,6 +53,7 @@ class Checkpoint:
     start: str
     notes: Mapping[str, Any] = field(default_factory=dict)
     asked: SpringProblem | None = None
+    best: FloatArray | None = None
 
     @property
     def goal(self) -> SpringProblem:
@@ -72,6 +77,7 @@ class Checkpoint:
             "dt_previous": self.dt_previous,
             "start": self.start,
             "notes": json.dumps(dict(self.notes)),
+            **({} if self.best is None else {"best": self.best}),
             **self.history.parts,
         }
         for name, state in zip(_STATES, (self.state, self.previous), strict=True):
@@ -107,6 +113,7 @@ class Checkpoint:
                 printable(parts["start"], LONGEST_NOTE),
                 checked_notes(json.loads(parts.get("notes", "{}")), len(problem.control_points)),
                 SpringProblem.parse_toml(parts["asked"]) if "asked" in parts else problem,
+                parts.get("best"),
             )
             checkpoint._check()
             return checkpoint
@@ -123,5 +130,9 @@ class Checkpoint:
             for part in (state.chi, state.u, state.lam):
                 if not np.isfinite(part).all():
                     raise ValueError("the state holds something else than finite numbers")
+        if self.best is not None and not (
+            self.best.shape == (nx * ny,) and np.isfinite(self.best).all()
+        ):
+            raise ValueError("the best design so far does not fit the problem")
         if not self.dt > 0 or not self.dt_previous >= 0:
             raise ValueError(f"dt = {self.dt} is not a positive number")

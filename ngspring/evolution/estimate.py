@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ngspring.design.history import History, Row, by_mesh
+from ngspring.design.history import History, Row, stages
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.steprule import StepRule
 from ngspring.problem.scaling import time_unit
@@ -70,7 +70,7 @@ def seconds_left(history: History, problem: SpringProblem) -> float | None:
     rows = history.rows()
     if len(rows) < 4:
         return None
-    meshes = by_mesh(rows)
+    meshes = stages(rows)
     if rows[-1].is_end:
         return 0.0
     here = rows[-1].elements or problem.elements

@@ -10,18 +10,28 @@ exact saddle point. Nothing is written here: see `ngspring.optimize`.
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import ngsolve as ng
 import numpy as np
+from scipy.special import expit
 
+from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import positive_number
 from ngspring.basics.errors import ConvergenceError, ProblemError
+from ngspring.design.corrections import (
+    CORRECTIONS,
+    MISSED,
+    Correction,
+    best_of,
+    corrections_of,
+)
 from ngspring.design.design import Design
-from ngspring.design.history import History, Row, by_mesh
-from ngspring.evolution.branches import path_from_rest
+from ngspring.design.history import History, Row, stages
+from ngspring.evolution.branches import ANOTHER_DESIGN, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
@@ -31,7 +41,7 @@ from ngspring.evolution.steprule import LeapRule, Rule
 from ngspring.evolution.updates import Result, Update
 from ngspring.fem.process import checked_threads, parallel
 from ngspring.kkt.newton import NewtonResult, NewtonSettings
-from ngspring.kkt.start import Start, initial_state, start_design
+from ngspring.kkt.start import Start, initial_state, start_design, state_near
 from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem
@@ -95,7 +105,10 @@ class Evolution:
         self._rejected = self._rejected_iterations = 0
         self._given_up = False
         self._ended: dict[str, object] = {}
-        self._seconds = 0.0
+        self._found: tuple[Correction, ...] = ()
+        self._best: FloatArray | None = None
+        self._correction = 0
+        self._seconds, self._clock = 0.0, time.perf_counter()
 
     # -- beginning -----------------------------------------------------------------------------
 
@@ -120,12 +133,14 @@ class Evolution:
         self._dt, self._dt_previous = checkpoint.dt, checkpoint.dt_previous
         self._rows = checkpoint.history.rows()
         self._start = checkpoint.start
+        self._found, self._best = corrections_of(checkpoint.notes), checkpoint.best
+        self._correction = self._rows[-1].correction
         self._seconds = self._rows[-1].seconds
         self._rejected = self._rejected_iterations = 0
         self._given_up = False
         self.checkpoint = checkpoint
         self.over, self.message = self._rows[-1].is_end, ""
-        self._ended = dict(checkpoint.notes)
+        self._ended = {k: v for k, v in checkpoint.notes.items() if k != CORRECTIONS}
 
     def _set_up(self, threads: int) -> Update:
         """Make the system, and tell where the evolution stands."""
@@ -200,6 +215,70 @@ class Evolution:
         )
         return anew, self._first_dt
 
+    # -- corrected targets ---------------------------------------------------------------------
+
+    @property
+    def found(self) -> tuple[Correction, ...]:
+        """What the solids of the stationary designs so far carry (`ngspring.realise`)."""
+        return self._found
+
+    def carrying(self, solid: Sequence[float]) -> Correction:
+        """The present stationary design, whose solid carries these forces (N) by real contact."""
+        aims = tuple(point.q_star for point in self._rungs[0].control_points)
+        return Correction(self._rows[-1].update, aims, tuple(map(float, solid)))
+
+    def note(self, correction: Correction, missed: str = "") -> Update:
+        """Take down what the solid of the stationary design carries, and why that is the end.
+
+        Parameters
+        ----------
+        correction : Correction
+            See `carrying`.
+        missed : str
+            Why no further correction follows although the targets are missed.
+        """
+        self._found = (*self._found, correction)
+        if best_of(self._found, self.problem.control_points) == len(self._found) - 1:
+            self._best = self._state.chi
+        self._ended = {k: v for k, v in self._ended.items() if k != MISSED}
+        if missed:
+            self._ended[MISSED] = missed
+        return self._update(True, self._rows[-1].dt)
+
+    def correct(self, aims: Sequence[float]) -> Update:
+        """Go on from the stationary design with other forces asked of the third medium.
+
+        The stationary point for these is tried at once; where it is too far, the design evolves.
+
+        Parameters
+        ----------
+        aims : sequence of float
+            In N, one for each control point.
+
+        Raises
+        ------
+        ConvergenceError
+            If the equilibria of the present design are lost.
+        """
+        (here,) = self._rungs
+        points = [
+            dataclasses.replace(point, aim=float(aim))
+            for point, aim in zip(here.control_points, aims, strict=True)
+        ]
+        self._rungs = (here.replace(control_points=tuple(points)),)
+        with parallel(self._threads, here) as count:
+            if self._system is None:
+                self._make_system(count)
+            self._standing_on.retarget(points)
+            state = state_near(self._standing_on, self._state)
+        self._correction += 1
+        self.over, self.message, self._ended = False, "", {}
+        update = self._begin(state, np.inf)
+        # What a failed try goes on with, see `_reject`.
+        self._dt_previous = self._ladder.dt * self._unit / 2
+        self.checkpoint = self._standing()
+        return dataclasses.replace(update, checkpoint=self.checkpoint)
+
     # -- loop ----------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Update]:
@@ -229,6 +308,8 @@ class Evolution:
         end = stepper.rule.end * self._unit
         dt = np.inf if self._dt > end else self._dt
         outcome = stepper.update(self._past(), dt)
+        if np.isinf(dt) and len(self._on_this_stage()) == 1:
+            outcome = self._same_branch(outcome)
         if not outcome.converged:
             return self._reject(stepper, outcome, dt, end)
         if np.isinf(dt):
@@ -275,19 +356,30 @@ class Evolution:
             If the path from rest ends early, or was left too often.
         """
         rest = path_from_rest(self._standing_on, final)
-        if rest is not None and sum(row.dt == 0.0 for row in self._on_this_mesh()[1:]) == RETURNS:
+        if rest is not None and sum(row.dt == 0.0 for row in self._on_this_stage()[1:]) == RETURNS:
             raise ConvergenceError(f"it left it after each of {RETURNS} returns; try another start")
         return rest
 
     def _return_to(self, rest: State) -> Update:
         return self._begin(rest, DT_RETURN * self._unit)
 
-    def _past(self) -> Past:
-        return Past(self._state, self._previous, self._on_this_mesh(), self._rejected)
+    def _same_branch(self, outcome: NewtonResult) -> NewtonResult:
+        """A stationary point found right away, as a failure unless it is the same minimum moved."""
+        system, now = self._standing_on, expit(outcome.state.chi)
+        negative = outcome.negative_eigenvalues
+        falls = negative is not None and negative != system.eigenvalues_of_a_minimum
+        far = float(np.abs(now - expit(self._state.chi)).mean()) > ANOTHER_DESIGN
+        if not outcome.converged or not (falls or far):
+            return outcome
+        reason = "C is no minimum there" if falls else "that is another design"
+        return dataclasses.replace(outcome, converged=False, reason=reason)
 
-    def _on_this_mesh(self) -> list[Row]:
-        """The rows of the present mesh; the first one is its start."""
-        return by_mesh(self._rows)[-1]
+    def _past(self) -> Past:
+        return Past(self._state, self._previous, self._on_this_stage(), self._rejected)
+
+    def _on_this_stage(self) -> list[Row]:
+        """The rows of the present mesh and targets; the first one is its start."""
+        return stages(self._rows)[-1]
 
     def _kind(self, final: NewtonResult) -> dict[str, object]:
         """What is noted of the stationary point: what hangs on grey, and whether it is a minimum.
@@ -325,6 +417,7 @@ class Evolution:
             "rejected": self._rejected,
             "rejected_iterations": self._rejected_iterations,
             "seconds": self._elapsed(),
+            "correction": self._correction,
         }
         if outcome is not None:
             effort |= {"newton_iterations": outcome.iterations, "leap": outcome.leap}
@@ -357,10 +450,11 @@ class Evolution:
         """The last accepted design, on the mesh that it was found on."""
         info = {
             "start": self._start,
-            "q": [float(value) for value in self._state.forces(self.problem)],
+            "q": [float(value) for value in self._state.forces(self._rungs[0])],
             "converged": self._rows[-1].is_end,
             "ngsolve": ng.__version__,
             **self._ended,
+            **self._corrections,
         }
         here = self._rungs[0]
         chi = self._state.chi.reshape(here.coefficient_shape)
@@ -375,15 +469,21 @@ class Evolution:
             self._dt,
             self.history,
             self._start,
-            self._ended,
+            {**self._ended, **self._corrections},
             self.problem,
+            self._best,
         )
+
+    @property
+    def _corrections(self) -> dict[str, object]:
+        """The note of them, if there are any."""
+        return {CORRECTIONS: [one.to_note() for one in self._found]} if self._found else {}
 
     @property
     def result(self) -> Result:
         """What has been reached."""
         design = self.design
-        q = self._state.forces(self.problem)
+        q = self._state.forces(self._rungs[0])
         return Result(design, self.history, q, self._rows[-1].is_end, self.message)
 
 

@@ -23,7 +23,7 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row
-from ngspring.evolution.branches import path_from_rest
+from ngspring.evolution.branches import ANOTHER_DESIGN, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.evolve import evolve
 from ngspring.evolution.ladder import NO_LADDER
@@ -42,9 +42,6 @@ from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
 
 logger = logging.getLogger(__name__)
-
-#: A step that changes the density by more than this, in the mean over the domain, went elsewhere.
-_ANOTHER_DESIGN = 0.1
 
 
 @dataclass(frozen=True)
@@ -107,8 +104,13 @@ def moved_points(
     def between(a: ControlPoint, b: ControlPoint, name: str) -> float:
         return float((1 - share) * getattr(a, name) + share * getattr(b, name))
 
-    names = [field.name for field in dataclasses.fields(ControlPoint)]
-    return tuple(ControlPoint(**{name: between(a, b, name) for name in names}) for a, b in pairs)
+    def moved(a: ControlPoint, b: ControlPoint) -> ControlPoint:
+        values = {name: between(a, b, name) for name in ("d", "q", "weight", "eta")}
+        if share in (0.0, 1.0) or a.aim == b.aim:
+            return ControlPoint(**values, aim=(b if share else a).aim)
+        return ControlPoint(**values, aim=between(a, b, "q_star"))
+
+    return tuple(moved(a, b) for a, b in pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +292,7 @@ class Following:
         if negative is not None and negative != self._system.eigenvalues_of_a_minimum:
             return False
         now, then = expit(outcome.state.chi), expit(self.state.chi)
-        return float(np.abs(now - then).mean()) < _ANOTHER_DESIGN
+        return float(np.abs(now - then).mean()) < ANOTHER_DESIGN
 
     def _accept(self, outcome: NewtonResult, share: float) -> None:
         self.share, self.state = share, outcome.state

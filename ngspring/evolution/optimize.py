@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import numbers
 from collections.abc import Sequence
-from pathlib import Path
 
-from ngspring.basics.checks import shown
-from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
-from ngspring.evolution.evolve import Evolution, evolve
-from ngspring.evolution.folder import CHECKPOINT, SNAPSHOTS, checkpoint_of, last_checkpoint, locked
+from ngspring.evolution.carry_out import carried_out
+from ngspring.evolution.evolve import evolve
 from ngspring.evolution.ladder import Ladder
-from ngspring.evolution.recorder import CheckpointRecorder, SnapshotRecorder, write_result
 from ngspring.evolution.steprule import Rule
 from ngspring.evolution.updates import Observer, Result
 from ngspring.kkt.newton import NewtonSettings
@@ -85,12 +80,6 @@ def optimize(
     ProblemError
         If an argument is not valid.
     """
-    if max_updates is not None and not (
-        isinstance(max_updates, int) and _is_number(max_updates) and max_updates > 0
-    ):
-        raise ProblemError(f"max_updates = {shown(max_updates)} must be an integer of at least 1")
-    if resume and out is None:
-        raise ProblemError("resume needs the run folder, out")
     timings = timings or Timings()
     evolution = evolve(
         problem,
@@ -104,40 +93,4 @@ def optimize(
         ladder=ladder,
         timings=timings,
     )
-    if out is None:
-        return _loop(evolution, max_updates, observers)
-    folder = Path(out)
-    with locked(folder):
-        checkpoint = checkpoint_of(folder, problem, resume)
-        if checkpoint is not None:
-            evolution.continue_from(checkpoint)
-        recorders = (CheckpointRecorder(folder / CHECKPOINT), SnapshotRecorder(folder / SNAPSHOTS))
-        files = [timings.timed("files", recorder) for recorder in recorders]
-        try:
-            result = _loop(evolution, max_updates, (*files, *observers))
-        except KeyboardInterrupt:
-            # It may have come between any two lines: what counts is the last checkpoint.
-            if (folder / CHECKPOINT).exists():
-                evolution.continue_from(last_checkpoint(folder))
-                write_result(folder, evolution.result)
-            raise
-        with timings.part("files"):
-            write_result(folder, result)
-        return result
-
-
-def _loop(evolution: Evolution, max_updates: int | None, observers: Sequence[Observer]) -> Result:
-    """Go through all updates, or as many as are asked for, and tell the observers of each."""
-    if evolution.over:
-        return evolution.result
-    for update in evolution:
-        for observer in observers:
-            observer(update)
-        if max_updates is not None and update.row.update >= max_updates and not evolution.over:
-            evolution.stop(f"stopped after {max_updates} design updates, as asked")
-            break
-    return evolution.result
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return carried_out(evolution, problem, max_updates, out, observers, resume, timings)

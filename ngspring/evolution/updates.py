@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ngspring.basics.arrays import FloatArray
+from ngspring.design.corrections import Correction
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row
 from ngspring.evolution.checkpoint import Checkpoint
@@ -31,6 +32,8 @@ class Update:
         a campaign's worker.
     resumed : bool
         Whether it only tells where a resumed run stands.
+    correction : Correction, optional
+        What the solid of this stationary design carries, if that is the news (`ngspring.realise`).
     """
 
     accepted: bool
@@ -40,6 +43,7 @@ class Update:
     design: Design
     checkpoint: Checkpoint | None = None
     resumed: bool = False
+    correction: Correction | None = None
 
 
 #: Called after every accepted or rejected update.

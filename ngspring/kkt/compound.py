@@ -94,7 +94,7 @@ def _of_force(point: Any, lam: CF, problem: SpringProblem) -> CF:
     """-q_* lam_Ty - lam_Ty^2 / (2 w) per length of the top side, where lam_y is constant."""
     sector = problem.sector
     lam_Ty = lam[1] / sector.share
-    return -(point.q * lam_Ty + lam_Ty * lam_Ty / (2 * point.weight)) / sector.size[0]
+    return -(point.q_star * lam_Ty + lam_Ty * lam_Ty / (2 * point.weight)) / sector.size[0]
 
 
 def compound_state(

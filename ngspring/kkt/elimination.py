@@ -71,7 +71,7 @@ class Elimination:
         u, lam = new.u.copy(), new.lam.copy()
         for j, point in enumerate(system.points):
             body = self._body(chi, point.eta)
-            scale = abs(point.q) + 1e-4 * force_unit(system.problem)
+            scale = abs(point.q_star) + 1e-4 * force_unit(system.problem)
             force = body.forces(point.d, new.u[j])
             # A NaN is an inverted element and fails this test.
             if np.linalg.norm(force[:-1]) <= self.THRESHOLD * scale:

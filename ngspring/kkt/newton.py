@@ -91,7 +91,7 @@ def relative_residuals(system: CoupledSystem, residual: Residual) -> FloatArray:
     """
     force, length = force_unit(system.problem), length_unit(system.problem)
     # A target of no force at all must not ask for a residual of zero.
-    targets = np.array([abs(point.q) + 1e-4 * force for point in system.points])
+    targets = np.array([abs(point.q_star) + 1e-4 * force for point in system.points])
     chi = np.linalg.norm(residual.chi) / max(max(residual.chi_terms.values()), 1e-300)
     adjoint = np.linalg.norm(residual.u, axis=1) * length * force / targets
     equilibrium = np.linalg.norm(residual.lam, axis=1) / targets

@@ -81,12 +81,42 @@ def initial_state(system: CoupledSystem, design: Design) -> State:
         If a load path ends before its control point.
     """
     chi = design.coefficients.ravel()
-    bodies, points = equilibria(system, chi)
+    return _with_adjoints(system, chi, *equilibria(system, chi))
+
+
+@timed("path")
+def state_near(system: CoupledSystem, state: State) -> State:
+    """Equilibrium and adjoint states of the same chi, with displacements near those of a state.
+
+    For targets that have changed: lam belongs to them.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no equilibrium near by.
+    """
+    full = system.extraction_chi @ state.chi
+    bodies = {
+        eta: Mechanics(system.scalar, full, eta, system.solver, system.threads)
+        for eta in dict.fromkeys(point.eta for point in system.points)
+    }
+    mechanics = [bodies[point.eta] for point in system.points]
+    points = [
+        body.refined(body.equilibrium(control.d, u))
+        for body, control, u in zip(mechanics, system.points, state.u, strict=True)
+    ]
+    return _with_adjoints(system, state.chi, mechanics, points)
+
+
+def _with_adjoints(
+    system: CoupledSystem, chi: FloatArray, bodies: list[Mechanics], points: list[Equilibrium]
+) -> State:
+    """The state of equilibria at the control points, by their bodies."""
     full = system.extraction_chi @ chi
     lam = []
     for j, (body, point, control) in enumerate(zip(bodies, points, system.points, strict=True)):
         load = system.adjoint_load(full, body.full_field(point.d, point.u), j)
         if load is not None:
             body.assemble(point.d, point.u)
-        lam.append(body.adjoint(point, control.weight * (point.q - control.q), load))
+        lam.append(body.adjoint(point, control.weight * (point.q - control.q_star), load))
     return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))

@@ -35,5 +35,5 @@ class State:
     def forces(self, problem: SpringProblem) -> FloatArray:
         """Reaction forces q_j in N."""
         points = problem.control_points
-        target = np.array([point.q for point in points])
+        target = np.array([point.q_star for point in points])
         return np.asarray(target + self.lam[:, -1] / [point.weight for point in points])

@@ -105,7 +105,7 @@ def optimality(
         state = initial_state(system, design)
         residual = system.residual(state, state.chi, np.inf)
         grey = grey_shares(system, state)
-    targets = np.array([point.q for point in problem.control_points])
+    targets = np.array([point.q_star for point in problem.control_points])
     return Optimality(
         residual=_relative(residual),
         terms=residual.chi_terms,

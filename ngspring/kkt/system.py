@@ -133,7 +133,7 @@ class CoupledSystem:
         self.problem = self.problem.replace(control_points=tuple(points))
         self.points = self.problem.control_points
         self._weights = np.array([point.weight for point in self.points])
-        self._targets = np.array([point.q for point in self.points])
+        self._targets = np.array([point.q_star for point in self.points])
 
     @timed("residual")
     def residual(self, state: State, chi_old: FloatArray, dt: float) -> Residual:

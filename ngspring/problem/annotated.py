@@ -104,6 +104,8 @@ def annotated_toml(
         lines += ["", "[[control_points]]", f"d = {point.d:.7g}", f"q = {point.q:.7g}"]
         if point.weight != w_q:
             lines.append(f"weight = {point.weight:.7g}")
+        if point.aim is not None:
+            lines.append(_line("aim", point.aim, "of the third medium, so that the part has q"))
         if point.eta:
             lines.append(_line("eta", point.eta, "the design dilated by l_i eta / 8"))
     return "\n".join(lines) + "\n"

@@ -27,6 +27,9 @@ class ControlPoint:
     eta : float
         Offset of chi in the mechanics of this point (section 2.6): the design that is loaded is the
         one with chi + eta, whose solid is dilated by l_i eta / 8; negative values erode it.
+    aim : float, optional
+        Force in N that the third medium is asked for instead of `q`: corrected, so that the part
+        carries `q` (`ngspring.realise`).
 
     Raises
     ------
@@ -38,15 +41,21 @@ class ControlPoint:
     q: float
     weight: float = 1.0
     eta: float = 0.0
+    aim: float | None = None
 
     def __post_init__(self) -> None:
-        for field in ("d", "q", "weight", "eta"):
+        for field in ("d", "q", "weight", "eta", *(() if self.aim is None else ("aim",))):
             object.__setattr__(self, field, finite_number(field, getattr(self, field)))
         if self.d == 0.0:
             # The undeformed state is in equilibrium with q = 0 whatever the design.
             raise refused("d", self.d, "different from zero, where the force is zero anyway")
         if self.weight <= 0.0:
             raise refused("weight", self.weight, "positive")
+
+    @property
+    def q_star(self) -> float:
+        """q_* of Eq. 9, which the third medium is asked for: `aim`, or `q`."""
+        return self.q if self.aim is None else self.aim
 
 
 def deviation(q: ArrayLike, target: ArrayLike) -> FloatArray:
@@ -65,13 +74,14 @@ def relative_deviation(q: ArrayLike, target: ArrayLike) -> FloatArray:
 
 
 def worst_deviation(points: Iterable[ControlPoint], forces: Iterable[float]) -> float | None:
-    """The relative deviation that is largest in size, for points without eta.
+    """The relative deviation of the third medium's forces that is largest in size.
 
-    None if there is no force yet, or no target to compare it with.
+    Of points without eta, from what the third medium is asked for. None if there is no force yet,
+    or no target to compare it with.
     """
     far = [
-        float(relative_deviation(q, point.q))
+        float(relative_deviation(q, point.q_star))
         for point, q in zip(points, forces, strict=False)
-        if point.q and not point.eta
+        if point.q_star and not point.eta
     ]
     return max(far, key=abs, default=None)

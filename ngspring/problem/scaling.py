@@ -90,7 +90,13 @@ def scaled(
     third = b if problem.motion.thick else a
     force, volume = s * a * third, a * a * third
     points = tuple(
-        dataclasses.replace(p, d=p.d * a, q=p.q * force, weight=p.weight / force**2)
+        dataclasses.replace(
+            p,
+            d=p.d * a,
+            q=p.q * force,
+            weight=p.weight / force**2,
+            aim=None if p.aim is None else p.aim * force,
+        )
         for p in problem.control_points
     )
     factors = {

@@ -206,7 +206,7 @@ class SpringProblem:
             _check_size("T", self.T, a / FARTHEST, a * FARTHEST)
         for i, point in enumerate(self.control_points):
             where = f"control_points[{i}]"
-            for name, unit in (("d", a), ("q", force), ("eta", 1.0)):
+            for name, unit in (("d", a), ("q", force), ("q_star", force), ("eta", 1.0)):
                 value = getattr(point, name)
                 _check_size(f"{where}.{name}", value, unit / FARTHEST, unit * FARTHEST)
             unit = force**-2

@@ -81,12 +81,16 @@ def write_fields(values: Fields) -> str:
     """Return the fields of a problem as TOML text that `parse_fields` turns into equal ones."""
     points = values["control_points"]
     # What is None is left out; tables come last, or what follows would belong to them.
-    plain = {k: v for k, v in values.items() if k != "control_points" and v is not None}
+    plain = _without_none({k: v for k, v in values.items() if k != "control_points"})
     plain = dict(sorted(plain.items(), key=lambda item: isinstance(item[1], dict)))
     # tomli_w would put short control points into one line of inline tables.
     return tomli_w.dumps(plain) + "".join(
-        f"\n[[control_points]]\n{tomli_w.dumps(point)}" for point in points
+        f"\n[[control_points]]\n{tomli_w.dumps(_without_none(point))}" for point in points
     )
+
+
+def _without_none(table: Fields) -> Fields:
+    return {key: value for key, value in table.items() if value is not None}
 
 
 def read(text_or_path: str | os.PathLike[str], parse: Callable[[str, Path], Parsed]) -> Parsed:

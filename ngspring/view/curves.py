@@ -16,7 +16,7 @@ from ngspring.analysis.states import Curve
 from ngspring.design.design import Design
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
-from ngspring.view.figure import LINES, SMALL, new_figure
+from ngspring.view.figure import LINES, SMALL, SOLID_STYLE, new_figure
 from ngspring.view.text import picture_name, picture_text
 
 
@@ -52,8 +52,16 @@ def draw_line(axes: Axes, curve: Curve, **style: Any) -> None:
     axes.plot(d, q, **style)
 
 
-def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: SpringProblem) -> None:
-    """Draw q(d) and the target points; several curves come by their names."""
+def draw_curve(
+    axes: Axes,
+    response: Curve | Mapping[str, Curve],
+    problem: SpringProblem,
+    solid: Sequence[float] | None = None,
+) -> None:
+    """Draw q(d) and the target points; several curves come by their names.
+
+    ``solid`` are the forces in N of a part's solid at the control points.
+    """
     curves = response if isinstance(response, Mapping) else {"response": response}
     draw_frame(axes)
     for k, (name, curve) in enumerate(curves.items()):
@@ -71,6 +79,9 @@ def draw_curve(axes: Axes, response: Curve | Mapping[str, Curve], problem: Sprin
                 markeredgecolor="black",
                 label=name,
             )
+    if solid is not None:
+        places = [point.d for point in problem.control_points]
+        axes.plot(places, solid, **SOLID_STYLE, label="solid")
     axes.grid(color="0.92")
     axes.margins(0.06)
     axes.legend(fontsize=SMALL, loc="upper left")

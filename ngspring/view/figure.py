@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -12,6 +16,10 @@ from ngspring.basics.files import PathLike, replacing
 SMALL = 8
 #: Line styles that differ in grey.
 LINES = ("-", "--", "-.", ":")
+#: Markers of what a solid carries.
+SOLID_STYLE: Mapping[str, Any] = MappingProxyType(
+    {"linestyle": "none", "marker": "D", "color": "black", "markersize": 4, "zorder": 5}
+)
 
 
 def new_figure(width: float, height: float, constrained: bool = True) -> Figure:

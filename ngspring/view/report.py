@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 
 from ngspring.basics.files import PathLike, attempt, write_text
 from ngspring.basics.text import significant
+from ngspring.design.corrections import corrections_of
 from ngspring.design.design import Design
-from ngspring.design.history import History, by_mesh
+from ngspring.design.history import History, stages
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
 from ngspring.evolution.updates import Update
@@ -28,7 +29,8 @@ from ngspring.view.design import density_figure
 from ngspring.view.html import link, page, picture
 from ngspring.view.rows import design_figure
 from ngspring.view.run import convergence_figure, forces_figure, reached_figure
-from ngspring.view.text import deviation_percent, duration, signed_percent, step, width_symbol
+from ngspring.view.targets import Forces, targets_table
+from ngspring.view.text import duration, signed_percent, step, width_symbol
 
 REPORT = "report.html"
 #: A browser loads the report of a running run again after so many seconds.
@@ -79,6 +81,7 @@ def report_page(state: RunState, refresh: int = REFRESH) -> str:
     """The report as HTML text."""
     problem, history = state.asked, state.design.history
     history = history if history is not None and len(history) else None
+    columns, targets = _targets(state)
     return page(
         "report.html",
         refresh if state.going_on else None,
@@ -89,11 +92,13 @@ def report_page(state: RunState, refresh: int = REFRESH) -> str:
         symbol=width_symbol(problem),
         summary=_summary(state, history),
         typical_updates=TYPICAL_UPDATES,
-        targets=_targets(state),
+        target_columns=columns,
+        targets=targets,
         quantities=_quantities(problem, state.design.info),
         **_pictures(state, history),
-        **({} if history is None else _convergence(history, problem)),
+        **({} if history is None else _convergence(history, problem, state.design)),
         meshes=[] if history is None else _meshes(history, problem),
+        corrections=[] if history is None else _corrections(state.design, history),
     )
 
 
@@ -127,16 +132,11 @@ def time_left_text(history: History, problem: SpringProblem) -> str:
     return f"about {max(1, round(seconds, -1 if seconds > 20 else 0)):.0f} s"
 
 
-def _targets(state: RunState) -> list[tuple[str, ...]]:
-    """Targets, reached forces and deviations."""
-    points, forces = state.design.problem.control_points, state.forces
-    rows: list[tuple[str, ...]] = []
-    for j, point in enumerate(points):
-        found = (_NO_NUMBER, _NO_NUMBER)
-        if forces is not None:
-            found = (significant(forces[j], 5), deviation_percent(forces[j], point.q))
-        rows.append((f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}", *found))
-    return rows
+def _targets(state: RunState) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Targets, reached forces and deviations, with the names of the columns."""
+    design = state.design
+    forces: Forces = state.forces or [None] * len(design.problem.control_points)
+    return targets_table(design.problem, forces, design.solid, missing=_NO_NUMBER, mark=" †")
 
 
 def _updates(history: History) -> list[list[str]]:
@@ -152,7 +152,7 @@ def _updates(history: History) -> list[list[str]]:
 
 def _meshes(history: History, problem: SpringProblem) -> list[list[str]]:
     """What was done on each mesh, if there was more than one."""
-    meshes = by_mesh(history.rows())
+    meshes = [stage for stage in stages(history.rows()) if not stage[0].correction]
     if len(meshes) == 1:
         return []
     rows, before = [], 0.0
@@ -165,6 +165,20 @@ def _meshes(history: History, problem: SpringProblem) -> list[list[str]]:
         rows.append([*cells, duration(last.seconds - before)])
         before = last.seconds
     return rows
+
+
+def _corrections(design: Design, history: History) -> list[list[str]]:
+    """What the third medium was asked for, and what the solid carried, time after time."""
+    points, rows = design.problem.control_points, history.rows()
+    found = []
+    for number, one in enumerate(corrections_of(design.info)):
+        effort = [row for row in rows[: one.update + 1] if row.correction == number]
+        cells = [str(number), ", ".join(significant(force, 5) for force in one.aims)]
+        cells.append(", ".join(significant(force, 5) for force in one.solid))
+        cells += [signed_percent(one.worst(points), 2), f"{rows[one.update].width:.4f}"]
+        cells += [str(len(effort) - 1), str(sum(row.iterations for row in effort))]
+        found.append(cells)
+    return found
 
 
 def _quantities(problem: SpringProblem, info: Mapping[str, object]) -> list[tuple[str, str]]:
@@ -220,7 +234,7 @@ def _pictures(state: RunState, history: History | None) -> dict[str, Markup | No
         ),
         "curve": picture(
             "curve",
-            reached_figure(problem, forces, curve, history),
+            reached_figure(problem, forces, curve, history, design.solid),
             "Diagram of force q in N against displacement d in mm with "
             + _forces_text(problem, forces),
             caption,
@@ -253,7 +267,7 @@ def _forces_text(problem: SpringProblem, forces: Sequence[float] | None) -> str:
     return "; ".join(texts)
 
 
-def _convergence(history: History, problem: SpringProblem) -> dict[str, object]:
+def _convergence(history: History, problem: SpringProblem, design: Design) -> dict[str, object]:
     """What there is to see of the design updates."""
     symbol = width_symbol(problem)
     points = problem.control_points[: len(history.last().q)]
@@ -272,7 +286,7 @@ def _convergence(history: History, problem: SpringProblem) -> dict[str, object]:
         ),
         "forces": picture(
             "forces",
-            forces_figure(history, problem),
+            forces_figure(history, problem, corrections_of(design.info)),
             "Diagram of the forces at the control points over design updates",
             "Forces at the control points over the design updates.",
             margins=_MARGINS,

@@ -58,11 +58,14 @@ class Row:
     problem : SpringProblem, optional
         Its targets are marked in the diagram.
     curves : mapping from name to Response or StoredResponse
+    solid : sequence of float, optional
+        Forces in N of a part's solid at the control points.
     """
 
     panels: Sequence[Panel]
     problem: SpringProblem | None
     curves: Mapping[str, States]
+    solid: Sequence[float] | None = None
 
 
 def design_figure(design: Design, responses: Responses, curve: States) -> Figure:
@@ -79,7 +82,9 @@ def design_figure(design: Design, responses: Responses, curve: States) -> Figure
     problem = design.problem
     name = problem.name or "spring"
     panels = _state_panels(name, design, responses, problem.control_points)
-    return rows_figure([Row(panels, problem, {"response": curve})], height=2.2)
+    # A part's curve would otherwise seem to miss its targets.
+    name = "response" if design.solid is None else "third medium"
+    return rows_figure([Row(panels, problem, {name: curve}, design.solid)], height=2.2)
 
 
 def gallery_figure(designs: Mapping[str, Design | None], responses: Mapping[str, States]) -> Figure:
@@ -241,7 +246,7 @@ def rows_figure(rows: Sequence[Row], height: float = 1.75) -> Figure:
         if diagram is not None and row.problem is not None:
             place = after / width, bottom / total, curve_width / width, height / total
             diagram.set_position(place)
-            draw_curve(diagram, row.curves, row.problem)
+            draw_curve(diagram, row.curves, row.problem, row.solid)
             if len(rows) > 1:
                 diagram.tick_params(labelsize=SMALL)
             if i != lowest:

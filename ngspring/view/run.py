@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,11 +13,12 @@ from matplotlib.ticker import MaxNLocator
 
 from ngspring.analysis.states import Curve
 from ngspring.basics.arrays import FloatArray
-from ngspring.design.history import History, by_mesh
+from ngspring.design.corrections import Correction
+from ngspring.design.history import History, stages
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.curves import draw_curve
-from ngspring.view.figure import LINES, SMALL, new_figure
+from ngspring.view.figure import LINES, SMALL, SOLID_STYLE, new_figure
 from ngspring.view.text import picture_name, point_label, width_symbol
 
 
@@ -25,6 +27,7 @@ def reached_figure(
     forces: list[float] | None = None,
     curve: Curve | None = None,
     history: History | None = None,
+    solid: Sequence[float] | None = None,
 ) -> Figure:
     """Targets and reached forces in the load-displacement diagram, with the curve if it is known.
 
@@ -36,13 +39,15 @@ def reached_figure(
     curve : Curve, optional
     history : History, optional
         Forces of earlier design updates become faint dots.
+    solid : sequence of float, optional
+        Forces in N of the solid at the control points.
     """
     figure = new_figure(5.4, 4.3)
     axes = figure.subplots()
     draw_curve(axes, {} if curve is None else {"curve": curve}, problem)
     points = problem.control_points
     targets = [point.q for point in points]
-    now = targets if forces is None else [*targets, *forces]
+    now = [*targets, *(forces or ()), *filter(math.isfinite, solid or ())]
     low, high = min(0.0, *now), max(0.0, *now)
     if curve is not None:
         low, high = min(low, float(curve.q.min())), max(high, float(curve.q.max()))
@@ -57,9 +62,11 @@ def reached_figure(
             color="black",
             markersize=9,
             markeredgewidth=1.8,
-            label="reached",
+            label="reached" if solid is None else "third medium",
             zorder=4,
         )
+    if solid is not None:
+        axes.plot([point.d for point in points], solid, **SOLID_STYLE, label="solid")
     # The first designs are often far off: what counts is what is near the targets.
     axes.set_ylim(low - margin, high + margin)
     axes.legend(fontsize=SMALL, loc="upper left")
@@ -77,8 +84,13 @@ def _draw_earlier(axes: Axes, problem: SpringProblem, history: History) -> None:
         name = None
 
 
-def forces_figure(history: History, problem: SpringProblem) -> Figure:
-    """Reached forces over the design updates, with the targets as thin lines."""
+def forces_figure(
+    history: History, problem: SpringProblem, corrections: Sequence[Correction] = ()
+) -> Figure:
+    """Reached forces over the design updates, with the targets as thin lines.
+
+    Where targets were corrected, diamonds are what the solids carry.
+    """
     figure = new_figure(5.4, 4.3)
     axes = figure.subplots()
     update = history["update"]
@@ -96,6 +108,10 @@ def forces_figure(history: History, problem: SpringProblem) -> Figure:
             markersize=3.5,
             linewidth=1.2,
         )
+    for k, one in enumerate(corrections):
+        name = None if k else "solid"
+        axes.plot([one.update] * len(one.solid), one.solid, **SOLID_STYLE, label=name)
+        values += filter(math.isfinite, one.solid)
     low, high = min(0.0, *values), max(0.0, *values)
     # The first designs may be off by an order of magnitude. At the top there is the legend.
     size = high - low
@@ -158,14 +174,16 @@ def convergence_figure(history: History, problem: SpringProblem) -> Figure:
 
 
 def _mark_meshes(axes: Sequence[Axes], history: History) -> None:
-    """Dashed lines where a finer mesh took over, with their elements at the foot of the first."""
-    meshes = by_mesh(history.rows())
-    for mesh in meshes if len(meshes) > 1 else ():
-        for ax in axes if mesh[0].update else ():
-            ax.axvline(mesh[0].update, color="0.5", linestyle="--", linewidth=0.8)
+    """Dashed lines where a finer mesh or corrected targets took over, named at the first's foot."""
+    parts = stages(history.rows())
+    for part in parts if len(parts) > 1 else ():
+        first = part[0]
+        for ax in axes if first.update else ():
+            ax.axvline(first.update, color="0.5", linestyle="--", linewidth=0.8)
+        corrected = "correction 1" if first.correction == 1 else str(first.correction)
         axes[0].annotate(
-            f"{mesh[0].elements} × {mesh[0].elements}",
-            (mesh[0].update, 0.05),
+            corrected if first.correction else f"{first.elements} × {first.elements}",
+            (first.update, 0.05),
             xycoords=("data", "axes fraction"),
             xytext=(3, 0),
             textcoords="offset points",

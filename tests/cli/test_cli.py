@@ -31,9 +31,11 @@ from ngspring.cli.main import cli
 from ngspring.cli.progress import LiveTable
 from ngspring.cli.response import response_lines
 from ngspring.cli.tables import make_console
+from ngspring.design.corrections import Correction
 from ngspring.design.design import Design
 from ngspring.design.history import Row
 from ngspring.evolution.runstate import read_run
+from ngspring.evolution.updates import Update
 from ngspring.problem.cases import cases
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import on_mesh
@@ -562,11 +564,15 @@ def test_live_table() -> None:
 
     assert "starting" in drawn()
     row = Row(4, 2e6, 3, C=1e-4, q=(2.01, 0.1), width=0.25, seconds=3700.0)
-    table(SimpleNamespace(accepted=True, row=row, dt=2e6, reason=""))  # type: ignore[arg-type]
+    design = Design.column(problem)
+    table(Update(True, row, 2e6, "", design))
     for part in ("2.0e+06", "0.2500", "q [N] at d = 10 mm", "2.0100", "+0.500 %", "1:01:40"):
         assert part in drawn()
-    table(SimpleNamespace(accepted=False, row=row, dt=1e7, reason="bad"))  # type: ignore[arg-type]
+    table(Update(False, row, 1e7, "bad", design))
     assert "dt 1.0e+07 rejected: bad" in drawn()
+    solid = Correction(4, (2.0, 0.0), (2.04, 0.1))
+    table(Update(True, row, 0.0, "", design, correction=solid))
+    assert "+5.00 %" in drawn()
 
 
 def test_formats() -> None:

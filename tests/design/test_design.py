@@ -385,7 +385,7 @@ NOTES: dict[str, Any] = {
     "falling_directions": COUNT,
 }
 
-OTHER_NOTES = (*NOTES, "failed", "stopped", "ngsolve", "grey")
+OTHER_NOTES = (*NOTES, "failed", "stopped", "missed", "ngsolve", "grey", "corrections")
 
 
 @st.composite

@@ -10,7 +10,7 @@ import pytest
 import ngspring
 from ngspring import ControlPoint, SpringProblem, StepRule
 from ngspring.basics.errors import ProblemError
-from ngspring.design.history import History, Row, by_mesh
+from ngspring.design.history import History, Row, stages
 
 SMALL = SpringProblem((ControlPoint(8.0, 2.0), ControlPoint(-8.0, -2.0)), elements=8, l_i=10.0)
 
@@ -116,6 +116,7 @@ def test_a_row_goes_into_the_table_and_back() -> None:
     assert history.columns == (
         "update",
         "elements",
+        "correction",
         "dt",
         "newton_iterations",
         "rejected",
@@ -142,7 +143,7 @@ def test_a_history_of_an_older_version_has_neither_leaps_nor_meshes() -> None:
     history = History(("update", "dt", "seconds"), np.array([[0.0, 1.0, 0.5], [1.0, np.inf, 0.7]]))
     start, end = history.rows()
     assert start.leap == 0.0
-    assert [len(mesh) for mesh in by_mesh(history.rows())] == [2]
+    assert [len(mesh) for mesh in stages(history.rows())] == [2]
     assert end.is_end
     assert not start.is_end
     assert end.seconds == 0.7

@@ -12,7 +12,7 @@ import pytest
 import ngspring
 from ngspring import NO_LADDER, Design, Ladder, ProblemError, Result, Snapshots
 from ngspring.cli.progress import plain_line
-from ngspring.design.history import by_mesh
+from ngspring.design.history import stages
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Update
@@ -91,14 +91,14 @@ def test_it_ends_no_higher_than_without_coarse_meshes(
 ) -> None:
     plain = ngspring.optimize(PROBLEM, threads=1, ladder=NO_LADDER)
     assert plain.converged
-    assert len(by_mesh(plain.history.rows())) == 1
+    assert len(stages(plain.history.rows())) == 1
     assert whole[0].history.last().C <= plain.history.last().C * (1 + 1e-3)
 
 
 def test_each_coarse_mesh_is_left_once_dt_has_come_far(
     whole: tuple[Result, list[Update], Path],
 ) -> None:
-    coarse, fine = by_mesh(whole[0].history.rows())
+    coarse, fine = stages(whole[0].history.rows())
     leave = LADDER.leave * time_unit(PROBLEM)
     assert [coarse[0].elements, fine[0].elements] == [8, 16]
     assert all(row.dt < leave for row in coarse[:-1])
@@ -143,7 +143,7 @@ def test_progress_and_report_tell_the_mesh(whole: tuple[Result, list[Update], Pa
 
 def boundary(result: Result) -> int:
     """Last update on the coarse mesh."""
-    return by_mesh(result.history.rows())[0][-1].update
+    return stages(result.history.rows())[0][-1].update
 
 
 @pytest.mark.parametrize("after", [0, 1])

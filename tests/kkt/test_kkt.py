@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import os
 import subprocess
@@ -19,7 +20,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.linear import make_factorization
-from ngspring.kkt.start import initial_state
+from ngspring.kkt.start import initial_state, state_near
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem, LinearSolveError
 from ngspring.problem.point import ControlPoint
@@ -218,6 +219,19 @@ def test_initial_state_solves_equilibrium_and_adjoint_equations(kinematics: str)
     forces = state.forces(system.problem)
     assert np.abs(residual.lam).max() < 1e-9 * np.abs(forces).max()
     assert np.abs(residual.u).max() < 1e-9 * np.abs(state.lam).max() * np.abs(forces).max()
+
+
+def test_other_targets_have_the_same_equilibria_and_their_own_adjoint_states(
+    kinematics: str,
+) -> None:
+    system, state = start(table_1(kinematics))
+    points = [dataclasses.replace(p, aim=1.1 * p.q) for p in system.problem.control_points]
+    system.retarget(points)
+    near = state_near(system, state)
+    whole = initial_state(system, Design.column(system.problem))
+    np.testing.assert_allclose(near.u, whole.u, atol=1e-9 * np.abs(whole.u).max())
+    np.testing.assert_allclose(near.lam, whole.lam, atol=1e-8 * np.abs(whole.lam).max())
+    assert np.abs(near.lam - state.lam).max() > 0.01 * np.abs(state.lam).max()
 
 
 BLOCKTIME = """

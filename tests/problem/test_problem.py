@@ -41,8 +41,14 @@ def problems(draw: st.DrawFn) -> SpringProblem:
     H, offsets = values["H"], st.floats(1e-9, 1e9) | st.floats(-1e9, -1e-9) | st.just(0.0)
     shares = st.floats(1e-5, 1.0, exclude_max=True) | st.floats(-1.0, -1e-5, exclude_min=True)
     forces = st.floats(-1e3, 1e3).map(lambda q: round(q, 3))
+    aims = st.none() | forces
     points = st.builds(
-        ControlPoint, shares.map(lambda share: share * H), forces, st.floats(1e-9, 1e9), offsets
+        ControlPoint,
+        shares.map(lambda share: share * H),
+        forces,
+        st.floats(1e-9, 1e9),
+        offsets,
+        aims,
     )
     return SpringProblem(
         tuple(draw(st.lists(points, min_size=1, max_size=5, unique_by=lambda c: (c.d, c.eta)))),
@@ -323,6 +329,16 @@ def test_a_control_point_given_twice_is_refused_whatever_its_weight() -> None:
     message = message_of(SpringProblem, (*POINTS, ControlPoint(-20, -4, weight=2)))
     assert "control_points[2] and [3]" in message
     assert "given once" in message
+
+
+def test_what_the_third_medium_is_asked_for_is_the_target_unless_it_is_corrected() -> None:
+    assert ControlPoint(10, 2).q_star == 2.0
+    assert ControlPoint(10, 2, aim=1.9).q_star == 1.9
+    corrected = SpringProblem([ControlPoint(10, 2, aim=1.9)])
+    similar = scaled(corrected, length=2.0, stress=3.0, thickness=1.0)
+    assert similar.control_points[0].q_star == pytest.approx(1.9 * 6.0)
+    assert "aim = nan" in message_of(ControlPoint, 10, 2, aim=float("nan"))
+    assert "q_star" in message_of(SpringProblem, [ControlPoint(10, 2, aim=1e30)])
 
 
 def test_the_same_displacement_of_a_dilated_design_is_no_contradiction() -> None:

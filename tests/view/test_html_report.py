@@ -15,7 +15,7 @@ import ngspring
 import ngspring.analysis.mechanics
 from ngspring import ControlPoint, Design, History, SpringProblem, gallery
 from ngspring.basics.arrays import FloatArray
-from ngspring.design.history import by_mesh
+from ngspring.design.history import stages
 from ngspring.evolution.estimate import seconds_left
 from ngspring.evolution.runstate import (
     CONVERGED,
@@ -229,7 +229,7 @@ def ratios(name: str) -> FloatArray:
 def climbed(name: str) -> bool:
     """Whether a stored design came over a ladder of meshes."""
     history = gallery[name].history
-    return history is not None and len(by_mesh(history.rows())) > 1
+    return history is not None and len(stages(history.rows())) > 1
 
 
 CLIMBED = sorted(filter(climbed, gallery))

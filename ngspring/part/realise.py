@@ -1,0 +1,95 @@
+"""From a curve to a part whose solid goes through the targets, in a run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ngspring.basics.files import PathLike
+from ngspring.design.design import Design
+from ngspring.evolution.carry_out import carried_out
+from ngspring.evolution.evolve import evolve
+from ngspring.evolution.ladder import Ladder
+from ngspring.evolution.steprule import Rule, StepRule
+from ngspring.evolution.updates import Observer, Result
+from ngspring.kkt.newton import NewtonSettings
+from ngspring.kkt.start import Start
+from ngspring.kkt.timings import Timings
+from ngspring.part.realisation import PartSettings, Realisation
+from ngspring.problem.scaling import time_unit
+from ngspring.problem.spring import SpringProblem
+
+
+def realise(
+    problem: SpringProblem,
+    initial: Start | None = None,
+    dt_initial: float | None = None,
+    max_updates: int | None = None,
+    out: PathLike | None = None,
+    observers: Sequence[Observer] = (),
+    *,
+    settings: PartSettings | None = None,
+    resume: bool = False,
+    threads: int | None = None,
+    solver: str = "auto",
+    rule: Rule | None = None,
+    newton: NewtonSettings | None = None,
+    start_name: str | None = None,
+    ladder: Ladder | None = None,
+    timings: Timings | None = None,
+) -> Result:
+    """Design a part: its solid, with surfaces that really touch, goes through the control points.
+
+    The design is evolved as by `ngspring.optimize`. Then its solid is computed with real contact;
+    where it misses a target, the third medium is asked for another force (`ControlPoint.aim`) and
+    the design goes on from there, until all targets are met (3.5, where the paper ends).
+
+    Parameters
+    ----------
+    problem, initial, dt_initial, max_updates, out, observers
+        See `ngspring.optimize`. A finished design of the same problem is taken as it is.
+    settings : PartSettings, optional
+        Tolerance, and how many corrections are tried.
+    resume, threads, solver, rule, newton, start_name, ladder, timings
+        See `ngspring.optimize`.
+
+    Returns
+    -------
+    Result
+        Its design holds what was asked (``q`` of the control points), what the third medium was
+        asked for (``aim``), and what the solid carries (``info["corrections"]``). The message, and
+        ``info["missed"]``, say how far it came if the targets could not be met.
+
+    Raises
+    ------
+    RunFolderError, ConvergenceError, ProblemError
+        See `ngspring.optimize`.
+
+    Examples
+    --------
+    >>> result = ngspring.realise(ngspring.cases["C4"], out="runs/C4-part")  # doctest: +SKIP
+    >>> result.message or "the part does what the curve says"  # doctest: +SKIP
+    """
+    timings = timings or Timings()
+    if dt_initial is None and _is_finished(initial, problem):
+        # It is stationary already: the end is tried at once.
+        dt_initial = 10 * StepRule().end * time_unit(problem)
+    evolution = evolve(
+        problem,
+        initial,
+        dt_initial,
+        threads=threads,
+        solver=solver,
+        rule=rule,
+        newton=newton,
+        start_name=start_name,
+        ladder=ladder,
+        timings=timings,
+    )
+    realisation = Realisation(evolution, settings or PartSettings(), threads)
+    return carried_out(realisation, problem, max_updates, out, observers, resume, timings)
+
+
+def _is_finished(initial: Start | None, problem: SpringProblem) -> bool:
+    if not isinstance(initial, Design) or not initial.info.get("converged"):
+        return False
+    return initial.problem.equals_but_for_name(problem)

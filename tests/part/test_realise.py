@@ -1,0 +1,276 @@
+"""The solid goes through the targets; what was asked and what was aimed at both stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import invoke
+
+import ngspring
+from ngspring import ControlPoint, Design, PartSettings, ProblemError, Result, SpringProblem, Update
+from ngspring.design.corrections import MISSED, corrections_of
+from ngspring.design.soundness import flaw
+from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.folder import CHECKPOINT, DESIGN
+from ngspring.view.report import report_page
+
+PROBLEM = SpringProblem(
+    (ControlPoint(10, 2), ControlPoint(-10, -2)), name="two", elements=8, l_i=10.0
+)
+ONE = SpringProblem((ControlPoint(10, 2),), name="one", elements=8, l_i=10.0)
+CYLINDER = ngspring.cases["A1"].replace(
+    elements=8, l_i=10.0, control_points=(ngspring.cases["A1"].control_points[0],)
+)
+SETTINGS = PartSettings(tolerance=0.01)
+
+
+def solid_curve(design: Design) -> list[float]:
+    """Forces of the solid at the control points, without `realise`."""
+    body = ngspring.mesh_body(design)
+    places = [point.d for point in design.problem.control_points]
+    return [float(q) for q in ngspring.contact_load_displacement(body, places, threads=1).q]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("part") / "run"
+
+
+@pytest.fixture(scope="module")
+def updates() -> list[Update]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path, updates: list[Update]) -> Result:
+    return ngspring.realise(
+        PROBLEM, out=folder, settings=SETTINGS, observers=[updates.append], threads=1
+    )
+
+
+# -- what comes out --------------------------------------------------------------------------------
+
+
+def test_the_solid_goes_through_its_targets(whole: Result) -> None:
+    assert whole.converged
+    assert whole.message == ""
+    assert flaw(whole.design) == ""
+    np.testing.assert_allclose(solid_curve(whole.design), [2, -2], rtol=0.01)
+    assert whole.design.solid == pytest.approx(solid_curve(whole.design), rel=1e-6)
+
+
+def test_without_corrections_it_would_have_missed_them(whole: Result) -> None:
+    first = corrections_of(whole.design.info)[0]
+    assert first.aims == (2.0, -2.0)
+    assert abs(first.worst(PROBLEM.control_points)) > 0.2
+
+
+def test_the_design_is_an_exact_stationary_point_for_what_was_aimed_at(whole: Result) -> None:
+    found = ngspring.optimality(whole.design)
+    assert found.residual < 1e-8
+    aims = [point.aim for point in whole.design.problem.control_points]
+    np.testing.assert_allclose(found.q, aims, rtol=1e-3)
+    np.testing.assert_allclose(found.targets, aims, rtol=0)
+
+
+def test_what_was_asked_stays_beside_it(whole: Result, folder: Path) -> None:
+    stored = Design.load(folder / DESIGN)
+    assert [point.q for point in stored.problem.control_points] == [2.0, -2.0]
+    assert stored.problem == whole.design.problem
+    assert stored.solid == whole.design.solid
+    assert Checkpoint.load(folder / CHECKPOINT).goal == PROBLEM
+
+
+def test_every_correction_is_in_the_history(whole: Result) -> None:
+    rows, found = whole.history.rows(), corrections_of(whole.design.info)
+    assert [row.correction for row in rows if row.is_end] == list(range(len(found)))
+    for number, one in enumerate(found):
+        assert rows[one.update].is_end
+        assert rows[one.update].correction == number
+        np.testing.assert_allclose(rows[one.update].q, one.aims, rtol=1e-3)
+    # The first state with other aims is the old one.
+    starts = [row for row in rows if row.correction and row.dt == 0.0]
+    before = [rows[row.update - 1] for row in starts]
+    np.testing.assert_allclose([row.q for row in starts], [row.q for row in before], rtol=1e-8)
+
+
+def test_an_observer_is_told_what_each_solid_carries(whole: Result, updates: list[Update]) -> None:
+    told = [update.correction for update in updates if update.correction is not None]
+    assert tuple(told) == corrections_of(whole.design.info)
+
+
+def test_the_same_for_axisymmetric_springs() -> None:
+    result = ngspring.realise(CYLINDER, settings=SETTINGS, threads=1)
+    assert result.message == ""
+    assert solid_curve(result.design)[0] == pytest.approx(100.0, rel=0.01)
+
+
+def test_an_offset_of_chi_belongs_to_the_solid_of_that_control_point() -> None:
+    problem = ONE.replace(control_points=(ControlPoint(10, 2, eta=0.5),))
+    result = ngspring.realise(problem, settings=SETTINGS, threads=1)
+    assert result.message == ""
+    body = ngspring.mesh_body(result.design, level=-0.5)
+    dilated = ngspring.contact_load_displacement(body, [10.0], threads=1)
+    assert dilated.q[0] == pytest.approx(2.0, rel=0.01)
+
+
+# -- left and taken up -----------------------------------------------------------------------------
+
+
+class LeftError(Exception):
+    """Somebody pulls the plug."""
+
+
+@pytest.fixture(scope="module")
+def uninterrupted() -> Result:
+    return ngspring.realise(ONE, settings=SETTINGS, threads=1)
+
+
+@pytest.mark.parametrize("where", ["in a correction", "before the solid", "after the solid"])
+def test_a_run_that_was_left_anywhere_ends_in_the_same_part(
+    tmp_path: Path, uninterrupted: Result, where: str
+) -> None:
+    def leave(update: Update) -> None:
+        solid = update.correction is not None
+        in_second = update.row.correction == 1
+        ends = update.row.is_end and in_second
+        if (
+            (where == "in a correction" and in_second and 0 < update.row.dt < 1e9)
+            or (where == "before the solid" and ends and not solid)
+            or (where == "after the solid" and ends and solid)
+        ):
+            raise LeftError
+
+    out = tmp_path / "run"
+    with pytest.raises(LeftError):
+        ngspring.realise(ONE, out=out, settings=SETTINGS, observers=[leave], threads=1)
+    assert Checkpoint.load(out / CHECKPOINT).history.last().correction >= 1
+    again = ngspring.realise(ONE, out=out, settings=SETTINGS, resume=True, threads=1)
+    assert again.message == ""
+    for one, other in zip(
+        corrections_of(again.design.info), corrections_of(uninterrupted.design.info), strict=True
+    ):
+        np.testing.assert_allclose([*one.aims, *one.solid], [*other.aims, *other.solid], rtol=1e-9)
+    difference = again.design.coefficients - uninterrupted.design.coefficients
+    np.testing.assert_allclose(difference, 0.0, atol=1e-7)
+    assert len(again.history) == len(uninterrupted.history)
+
+
+def test_a_finished_part_is_returned_as_it_is(whole: Result, folder: Path) -> None:
+    told: list[Update] = []
+    again = ngspring.realise(
+        PROBLEM, out=folder, settings=SETTINGS, resume=True, observers=[told.append], threads=1
+    )
+    assert told == []
+    np.testing.assert_array_equal(again.design.coefficients, whole.design.coefficients)
+
+
+def test_a_smaller_tolerance_goes_on_from_a_finished_part(whole: Result, tmp_path: Path) -> None:
+    tighter = PartSettings(tolerance=2e-4)
+    again = ngspring.realise(whole.design.problem, whole.design, settings=tighter, threads=1)
+    assert again.message == ""
+    assert again.history.rows()[0].correction == 0
+    np.testing.assert_allclose(solid_curve(again.design), [2, -2], rtol=2.1e-4)
+
+
+def test_a_finished_design_is_not_evolved_again_before_its_first_correction() -> None:
+    design = ngspring.optimize(PROBLEM, threads=1).design
+    result = ngspring.realise(PROBLEM, design, settings=SETTINGS, threads=1)
+    assert result.history.rows()[1].is_end
+    assert result.message == ""
+
+
+# -- what cannot be met ----------------------------------------------------------------------------
+
+
+def test_where_corrections_do_not_suffice_the_best_part_says_how_far_it_came() -> None:
+    few = PartSettings(tolerance=1e-5, corrections=2)
+    result = ngspring.realise(PROBLEM, settings=few, threads=1)
+    found = corrections_of(result.design.info)
+    assert len(found) == 3
+    best = min(found, key=lambda one: abs(one.worst(PROBLEM.control_points)))
+    assert result.design.solid == best.solid
+    assert [p.q_star for p in result.design.problem.control_points] == list(best.aims)
+    assert "after 2 corrections" in result.message
+    assert result.design.info[MISSED] == flaw(result.design) == result.message
+    assert ngspring.optimality(result.design).residual < 1e-8
+
+
+def test_the_best_part_is_kept_while_others_are_tried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solids = iter([2.5, 2.1, 2.3, 1.5])
+    monkeypatch.setattr(
+        "ngspring.part.realisation.solid_forces", lambda *_, **__: (np.array([next(solids)]), "")
+    )
+    out = tmp_path / "run"
+    impatient = PartSettings(patience=2)
+    result = ngspring.realise(ONE, out=out, settings=impatient, threads=1)
+    found = corrections_of(result.design.info)
+    assert [one.solid for one in found] == [(2.5,), (2.1,), (2.3,), (1.5,)]
+    assert result.design.solid == (2.1,)
+    assert "after 3 corrections the best solid carries 2.100 N" in result.message
+    assert ngspring.optimality(result.design).q == pytest.approx(found[1].aims, rel=1e-3)
+    again = ngspring.realise(ONE, out=out, settings=impatient, resume=True, threads=1)
+    np.testing.assert_array_equal(again.design.coefficients, result.design.coefficients)
+    assert Design.load(out / DESIGN).solid == (2.1,)
+
+
+def test_a_solid_that_does_not_hold_together_is_said_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "ngspring.part.realisation.solid_forces", lambda *_, **__: (np.array([np.nan]), "it broke")
+    )
+    result = ngspring.realise(ONE, threads=1)
+    assert result.message == "the solid's path does not reach d = 10 mm (it broke)"
+    assert result.history.last().correction == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": 2.0}, "tolerance"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"corrections": 0}, "corrections = 0"),
+        ({"patience": 1.5}, "patience"),
+        ({"elements_across": 0}, "elements_across"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        PartSettings(**wrong)  # type: ignore[arg-type]
+
+
+# -- what one sees ---------------------------------------------------------------------------------
+
+
+def test_the_report_tells_of_corrections_and_of_the_solid(whole: Result, folder: Path) -> None:
+    page = report_page(ngspring.read_run(folder))
+    assert "Corrections" in page
+    assert "carried by the solid" in page
+    assert "third medium: asked [N]" in page
+
+
+def test_the_command_makes_a_part_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("two.toml").write_text(PROBLEM.to_toml())
+    command = ["optimize", "two.toml", "--part", "--tolerance", "1", "--threads", "1", "--anyway"]
+    output = invoke(*command).output
+    assert "the solid after 0 corrections" in output
+    assert "correction 1" in output
+    assert "solid q [N]" in output
+    design = Design.load(Path("runs/two-part/design.npz"))
+    assert design.solid == pytest.approx([2, -2], rel=0.01)
+    assert "solid q [N]" in invoke("show", "runs/two-part").output
+
+
+def test_options_of_parts_need_a_part(tmp_path: Path) -> None:
+    for option in ("--tolerance", "--corrections"):
+        output = invoke("optimize", "C4", option, "1", "--out", tmp_path / "x", code=2).output
+        assert f"{option} belongs to --part" in output
