@@ -7,6 +7,7 @@ the part goes through its targets, the third medium is asked for other forces
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from ngspring.basics.arrays import LARGEST, FloatArray
 from ngspring.basics.checks import refused
 from ngspring.problem.point import ControlPoint
+from ngspring.problem.spring import SpringProblem
 
 #: The note of a design that holds them, and the one that says why its part misses.
 CORRECTIONS, MISSED = "corrections", "missed"
@@ -74,6 +76,15 @@ def target_sizes(targets: FloatArray) -> FloatArray:
     """Sizes of targets; of one that is zero that of the largest, or 1 if all are."""
     sizes = np.abs(targets)
     return np.asarray(np.where(sizes == 0.0, sizes.max(initial=0.0) or 1.0, sizes))
+
+
+def with_aims(problem: SpringProblem, aims: Sequence[float]) -> SpringProblem:
+    """The problem with these forces in N asked of the third medium; its targets stay."""
+    points = tuple(
+        dataclasses.replace(point, aim=None if aim == point.q else float(aim))
+        for point, aim in zip(problem.control_points, aims, strict=True)
+    )
+    return problem.replace(control_points=points)
 
 
 def corrections_of(notes: Mapping[str, Any]) -> tuple[Correction, ...]:

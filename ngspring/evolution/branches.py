@@ -9,10 +9,14 @@ branches may carry the same at a control point, and have different sensitivities
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
+from scipy.special import expit
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.design.design import Design
+from ngspring.kkt.newton import NewtonResult
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import relative_optimality
@@ -26,6 +30,27 @@ SAME_BRANCH = 1e-3
 ANOTHER_DESIGN = 0.1
 #: Residual of Eq. 8 relative to its terms, up to which the path from rest is stationary too.
 STATIONARY = 1e-6
+
+
+def on_same_branch(system: CoupledSystem, before: State, outcome: NewtonResult) -> NewtonResult:
+    """A stationary point found without an evolution, as a failure unless it is the minimum moved.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    before : State
+        Where it was looked for from.
+    outcome : NewtonResult
+    """
+    if not outcome.converged:
+        return outcome
+    negative = outcome.negative_eigenvalues
+    if negative is not None and negative != system.eigenvalues_of_a_minimum:
+        return dataclasses.replace(outcome, converged=False, reason="C is no minimum there")
+    now, then = expit(outcome.state.chi), expit(before.chi)
+    if float(np.abs(now - then).mean()) > ANOTHER_DESIGN:
+        return dataclasses.replace(outcome, converged=False, reason="that is another design")
+    return outcome
 
 
 def on_another_branch(problem: SpringProblem, q: FloatArray, q_rest: FloatArray) -> bool:

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 
 import ngsolve as ng
 import numpy as np
-from scipy.special import expit
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import positive_number
@@ -28,11 +27,13 @@ from ngspring.design.corrections import (
     Correction,
     best_of,
     corrections_of,
+    with_aims,
 )
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row, stages
-from ngspring.evolution.branches import ANOTHER_DESIGN, path_from_rest
+from ngspring.evolution.branches import on_same_branch, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.climb import carried
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
 from ngspring.evolution.rows import row_of
@@ -46,7 +47,6 @@ from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
-from ngspring.problem.point import worst_deviation
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -187,33 +187,10 @@ class Evolution:
         design = self.design
         self._rungs, self._given_up = self._rungs[1:], False
         self._make_system(threads)
-        state, dt = self._carried(design)
+        start = start_design(self._rungs[0], self._initial)
+        state, is_carried = carried(self._standing_on, design, start, self._ladder)
         logger.info("on to %d elements", self._rungs[0].elements)
-        return self._begin(state, dt)
-
-    def _carried(self, design: Design) -> tuple[State, float]:
-        """The state of a coarser mesh's design on this one, or the start where that went astray."""
-        system, place = self._standing_on, self._rungs[0]
-        carried, why = None, ""
-        try:
-            carried = initial_state(system, design.with_problem(place))
-        except ConvergenceError as error:
-            why = str(error)
-        else:
-            far = worst_deviation(place.control_points, carried.forces(place)) or 0.0
-            if abs(far) <= self._ladder.astray:
-                return carried, self._ladder.dt * self._unit
-            why = f"its forces deviate by {far:.0%}"
-        anew = initial_state(system, start_design(place, self._initial))
-        if carried is not None and system.terms(carried)["C"] <= system.terms(anew)["C"]:
-            return carried, self._ladder.dt * self._unit
-        logger.warning(
-            "the design on %d elements led astray (%s): %d elements begin from the start",
-            design.problem.elements,
-            why,
-            place.elements,
-        )
-        return anew, self._first_dt
+        return self._begin(state, self._ladder.dt * self._unit if is_carried else self._first_dt)
 
     # -- corrected targets ---------------------------------------------------------------------
 
@@ -261,15 +238,11 @@ class Evolution:
             If the equilibria of the present design are lost.
         """
         (here,) = self._rungs
-        points = [
-            dataclasses.replace(point, aim=float(aim))
-            for point, aim in zip(here.control_points, aims, strict=True)
-        ]
-        self._rungs = (here.replace(control_points=tuple(points)),)
+        self._rungs = (with_aims(here, aims),)
         with parallel(self._threads, here) as count:
             if self._system is None:
                 self._make_system(count)
-            self._standing_on.retarget(points)
+            self._standing_on.retarget(self._rungs[0].control_points)
             state = state_near(self._standing_on, self._state)
         self._correction += 1
         self.over, self.message, self._ended = False, "", {}
@@ -309,7 +282,7 @@ class Evolution:
         dt = np.inf if self._dt > end else self._dt
         outcome = stepper.update(self._past(), dt)
         if np.isinf(dt) and len(self._on_this_stage()) == 1:
-            outcome = self._same_branch(outcome)
+            outcome = on_same_branch(self._standing_on, self._state, outcome)
         if not outcome.converged:
             return self._reject(stepper, outcome, dt, end)
         if np.isinf(dt):
@@ -362,17 +335,6 @@ class Evolution:
 
     def _return_to(self, rest: State) -> Update:
         return self._begin(rest, DT_RETURN * self._unit)
-
-    def _same_branch(self, outcome: NewtonResult) -> NewtonResult:
-        """A stationary point found right away, as a failure unless it is the same minimum moved."""
-        system, now = self._standing_on, expit(outcome.state.chi)
-        negative = outcome.negative_eigenvalues
-        falls = negative is not None and negative != system.eigenvalues_of_a_minimum
-        far = float(np.abs(now - expit(self._state.chi)).mean()) > ANOTHER_DESIGN
-        if not outcome.converged or not (falls or far):
-            return outcome
-        reason = "C is no minimum there" if falls else "that is another design"
-        return dataclasses.replace(outcome, converged=False, reason=reason)
 
     def _past(self) -> Past:
         return Past(self._state, self._previous, self._on_this_stage(), self._rejected)

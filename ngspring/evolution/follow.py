@@ -17,13 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import barycentric_interpolate
-from scipy.special import expit
 
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row
-from ngspring.evolution.branches import ANOTHER_DESIGN, path_from_rest
+from ngspring.evolution.branches import on_same_branch, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.evolve import evolve
 from ngspring.evolution.ladder import NO_LADDER
@@ -229,7 +228,8 @@ class Following:
             outcome = self._solved(self._guess(ahead), ahead)
             if outcome.converged and ahead == share:
                 outcome = polished(self._system, outcome)
-            if self._is_next(outcome):
+            outcome = on_same_branch(self._system, self.state, outcome)
+            if outcome.converged:
                 tried = ahead - self.share
                 self._accept(outcome, ahead)
                 easy = outcome.iterations < self._steps.few
@@ -283,16 +283,6 @@ class Following:
             values = np.array([getattr(state, name) for state in states])
             parts.append(np.asarray(barycentric_interpolate(shares, values, share)))
         return State(*parts)
-
-    def _is_next(self, outcome: NewtonResult) -> bool:
-        """Whether it is the same branch: a minimum of C, and nearly the same design."""
-        if not outcome.converged:
-            return False
-        negative = outcome.negative_eigenvalues
-        if negative is not None and negative != self._system.eigenvalues_of_a_minimum:
-            return False
-        now, then = expit(outcome.state.chi), expit(self.state.chi)
-        return float(np.abs(now - then).mean()) < ANOTHER_DESIGN
 
     def _accept(self, outcome: NewtonResult, share: float) -> None:
         self.share, self.state = share, outcome.state

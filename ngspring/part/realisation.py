@@ -17,7 +17,7 @@ from typing import Any
 from ngspring.basics.checks import finite_number, refused, shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
-from ngspring.design.corrections import MISSED, Correction, best_of
+from ngspring.design.corrections import MISSED, Correction, best_of, with_aims
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.checkpoint import Checkpoint
@@ -228,12 +228,3 @@ class Realisation:
         info |= {"q": list(q), "converged": True, MISSED: missed}
         design = Design(problem, chi.reshape(problem.coefficient_shape), history, info)
         return Result(design, history, self.evolution.result.q * 0 + q, True, missed)
-
-
-def with_aims(problem: SpringProblem, aims: tuple[float, ...]) -> SpringProblem:
-    """The problem with these forces asked of the third medium; its own targets stay."""
-    points = tuple(
-        dataclasses.replace(point, aim=None if aim == point.q else aim)
-        for point, aim in zip(problem.control_points, aims, strict=True)
-    )
-    return problem.replace(control_points=points)
