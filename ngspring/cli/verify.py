@@ -107,7 +107,10 @@ def verification_lines(outcome: Verification) -> list[str]:
     ]
     stretch, x, y = outcome.largest_stretch
     place = f"x = {significant(x, 3)}, y = {significant(y, 3)} mm"
-    lines.append(f"largest principal stretch: {stretch:.3f}, at {place}")
+    lines.append(
+        f"largest principal stretch: {stretch:.3f}, at {place};"
+        f" all but a thousandth of the volume stays below {outcome.stretch_measure:.3f}"
+    )
     lines.append(f"smallest wall: {significant(outcome.smallest_wall, 3)} mm")
     if quality is not None:
         lines.append(

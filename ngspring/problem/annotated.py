@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 
-from ngspring.problem.dimension import dimensions, weights
+from ngspring.problem.dimension import dimensions, used_weights
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.material import young_and_poisson
 from ngspring.problem.scaling import REFERENCE_STIFFNESS
@@ -25,7 +25,7 @@ def _weights(problem: SpringProblem) -> list[str]:
     units = dimensions(problem)
     return [
         _line(name, getattr(problem, name), f"weight of {what} in {units[name].unit(problem.n)}")
-        for name, what in weights(problem).items()
+        for name, what in used_weights(problem).items()
     ]
 
 
@@ -83,6 +83,10 @@ def annotated_toml(
     ]
     if problem.motion.thick:
         lines.append(_line("T", problem.T, "out-of-plane thickness"))
+    if problem.stretch_limit:
+        lines.append(_line("stretch_limit", problem.stretch_limit, "of the largest stretch"))
+    if problem.energy_limit:
+        lines.append(_line("energy_limit", problem.energy_limit, "of the strain energy density"))
     lines += [
         "",
         *_stiffness(problem, described or {}),

@@ -67,3 +67,10 @@ def weights(described: Any) -> dict[str, str]:
     """What the weights among the fields of a dataclass weigh, by name."""
     fields = dataclasses.fields(described)
     return {f.name: f.metadata["weighs"] for f in fields if f.metadata.get("weighs")}
+
+
+def used_weights(described: Any) -> dict[str, str]:
+    """Those of them that are not zero, or usually are not."""
+    fields = {f.name: f.default for f in dataclasses.fields(described)}
+    found = weights(described)
+    return {name: what for name, what in found.items() if fields[name] or getattr(described, name)}

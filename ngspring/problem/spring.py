@@ -30,6 +30,10 @@ from ngspring.problem.toml import parse_fields, read, write_fields
 _POSITIVE = ("L", "H", "T", "K", "G", "l_i", "l_t")
 LONGEST_NAME = 200
 MOST_ELEMENTS, MOST_POINTS, LARGEST_N = 2000, 1000, 20.0
+LARGEST_STRETCH = 100.0
+#: k_s over k_rho, unless it is given. With n = 6 a strain whose relief is worth its own material is
+#: (k_rho / k_s)^(1/5), 1.6 %, beyond the limit.
+STRAINS = 1e9
 #: How far a number, and a weight of the objective, may be from what fits the spring's size.
 FARTHEST, HEAVIEST = 1e12, 1e60
 
@@ -76,6 +80,12 @@ class SpringProblem:
         Minimum interface width in mm: the slope of chi is limited to 8 / l_i (Eq. 11).
     l_t : float
         Length scale of the transient term in mm (Table 1; Eq. 11 prints l_i in its place).
+    stretch_limit : float
+        Largest principal stretch that the solid should have at the control points; 0 for none.
+    energy_limit : float
+        Largest strain energy density that it should have, in MPa; 0 for none.
+    k_s : float
+        Weight of strains beyond these limits; `STRAINS` times k_rho by default, if there is one.
     material : Law, optional
         Another law than the paper's, see `ngspring.problem.laws`.
 
@@ -106,6 +116,9 @@ class SpringProblem:
     k_H: float = quantity(1e-9, volume=-1, length=4, weighs="the curvature of chi")
     l_i: float = quantity(1.0, length=1)
     l_t: float = quantity(8.0, length=1)
+    stretch_limit: float = 0.0
+    energy_limit: float = quantity(0.0, stress=1)
+    k_s: float = quantity(0.0, volume=-1, weighs="strains beyond their limit")
     material: Law | None = None
 
     def __post_init__(self) -> None:
@@ -113,6 +126,7 @@ class SpringProblem:
         self._check_text()
         self._check_elements()
         self._check_numbers()
+        self._check_limits()
         self._check_control_points()
         self._check_sizes()
 
@@ -161,6 +175,19 @@ class SpringProblem:
             raise refused("n", self.n, f"{right}, and at most {LARGEST_N:g}")
         for field in ("E_0", "k_r", "p"):
             _check_size(field, getattr(self, field), 1e-15, 1e15)
+
+    def _check_limits(self) -> None:
+        for field in ("stretch_limit", "energy_limit"):
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
+        if self.stretch_limit and not 1.0 < self.stretch_limit <= LARGEST_STRETCH:
+            right = f"more than 1 and at most {LARGEST_STRETCH:g}, or 0 for no limit"
+            raise refused("stretch_limit", self.stretch_limit, right)
+        if self.energy_limit < 0.0:
+            raise refused("energy_limit", self.energy_limit, "positive, or 0 for no limit")
+        if (self.stretch_limit or self.energy_limit) and not self.k_s:
+            if not self.k_rho:
+                raise ProblemError("k_s is needed for a limit of strains where k_rho is 0")
+            object.__setattr__(self, "k_s", STRAINS * self.k_rho)
 
     def _check_control_points(self) -> None:
         given: object = self.control_points

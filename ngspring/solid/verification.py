@@ -124,6 +124,11 @@ class Verification:
         return float(self.contact.largest_stretch[k]), float(x), float(y)
 
     @property
+    def stretch_measure(self) -> float:
+        """The stretch that a thousandth of the volume exceeds, at its largest over the path."""
+        return float(self.contact.stretch_measure.max(initial=np.nan))
+
+    @property
     def complete(self) -> bool:
         """Whether both paths reached every displacement."""
         return self.third_medium.complete and self.contact.complete
@@ -192,6 +197,7 @@ class Verification:
                 "x": finite_or_none(x),
                 "y": finite_or_none(y),
             },
+            "stretch_measure": finite_or_none(self.stretch_measure),
             "smallest_wall": finite_or_none(self.smallest_wall),
             "smallest_gap": finite_or_none(float(np.min(contact.smallest_gap, initial=np.inf))),
             "force_balance": finite_or_none(_largest(contact.q_bottom - contact.q)),

@@ -21,7 +21,7 @@ from ngspring.design.history import History, stages
 from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
 from ngspring.evolution.updates import Update
-from ngspring.problem.dimension import weights
+from ngspring.problem.dimension import used_weights
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
@@ -189,10 +189,14 @@ def _quantities(problem: SpringProblem, info: Mapping[str, object]) -> list[tupl
         ("mesh over the full domain", f"{problem.elements} × {problem.elements} elements"),
         ("L × H", f"{problem.L:g} × {problem.H:g} mm"),
     ]
-    names = list(weights(problem))
+    names = list(used_weights(problem))
     values = [f"{getattr(problem, name):g}" for name in names]
     parameters = [f"{name} = {value:g}" for name, value in problem.law.parameters.items()]
     law = [] if problem.material is None else [(f"{problem.law.name} law", ", ".join(parameters))]
+    if problem.stretch_limit:
+        rows.append(("limit of the largest stretch", f"{problem.stretch_limit:g}"))
+    if problem.energy_limit:
+        rows.append(("limit of the strain energy density", f"{problem.energy_limit:g} MPa"))
     if problem.motion.thick:
         rows.append(("thickness T", f"{problem.T:g} mm"))
     rows += [

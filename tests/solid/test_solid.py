@@ -118,6 +118,18 @@ def test_the_largest_stretch_is_found_where_a_shear_has_it() -> None:
     assert stretch == pytest.approx(expected, rel=1e-9)
 
 
+def test_a_thousandth_of_the_volume_may_stretch_more_than_the_measure_says() -> None:
+    # The stretch rises from 1 at the bottom to 1.2 at the top; on a coarse mesh and on a fine one.
+    for maxh in (20.0, 2.0):
+        solid = solid_of(body_of(rectangle(0, 0, 50, 50), maxh, spring()))
+        field = ng.GridFunction(solid.space)
+        field.Set(ng.CF((0.0, 0.1 * ng.y * ng.y / 50)))
+        dofs = field.vec.FV().NumPy()
+        assert solid.largest_stretch(dofs)[0] == pytest.approx(1.2, rel=1e-9)
+        error = solid.stretch_measure(dofs) - (1.2 - 1e-3 * 0.2)
+        assert abs(error) < 0.001 * maxh
+
+
 def test_a_solid_that_does_not_reach_the_top_is_refused() -> None:
     body = body_of(rectangle(0, 0, 50, 40), 20.0, spring())
     with pytest.raises(ProblemError, match="does not reach the top"):

@@ -30,6 +30,8 @@ Density = Callable[[CF, CF], CF]
 
 #: Points where the energy is integrated, the same everywhere so that forces are its derivative.
 _RULE_ORDER = 4
+#: Share of the volume that may be stretched more than `Solid.stretch_measure`.
+STRETCHED_SHARE = 1e-3
 _SAMPLES = ((1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 
 
@@ -85,6 +87,8 @@ class Solid:
         such a part are in balance, so the spring's force is zero and equilibrium is not touched.
     stretch_33 : callable, optional
         Stretch out of the plane from u; 1 by default.
+    thickness : ngsolve.CoefficientFunction, optional
+        Volume per area of the mesh in mm; 1 by default.
     """
 
     def __init__(
@@ -94,6 +98,7 @@ class Solid:
         matrix: sp.csr_matrix,
         floating: IntArray | None = None,
         stretch_33: Callable[[CF], CF] | None = None,
+        thickness: CF | None = None,
     ) -> None:
         self.mesh = mesh
         self.space = ng.VectorH1(mesh, order=2)
@@ -108,6 +113,7 @@ class Solid:
         self.u.vec[:] = 0.0
         self._result = self.u.vec.CreateVector()
         one = ng.CF(1.0)
+        self._thickness = one if thickness is None else thickness
         self._stretch_33 = one if stretch_33 is None else stretch_33(self.u)
         with tasks():
             self._form.AssembleLinearization(self.u.vec)
@@ -163,15 +169,39 @@ class Solid:
     def largest_stretch(self, full: FloatArray) -> tuple[float, tuple[float, float]]:
         """Largest principal stretch and its place in the undeformed solid, in mm."""
         self.set(full)
-        f = ng.Id(2) + ng.Grad(self.u)
-        values = self._at_samples(ng.CF((ng.InnerProduct(f, f), ng.Det(f), self._stretch_33)))
+        stretch = _largest_stretch(self._at_samples(self._strain))
         places = self._at_samples(ng.CF((ng.x, ng.y)))
-        trace, det = values[:, 0], values[:, 1]
-        in_plane = np.sqrt(trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - det**2, 0.0)))
-        # On the axis u_r / r is 0 / 0; its limit is one of the stretches in the plane.
-        stretch = np.fmax(in_plane, values[:, 2])
         k = int(np.argmax(stretch))
         return float(stretch[k]), (float(places[k, 0]), float(places[k, 1]))
+
+    def stretch_measure(self, full: FloatArray) -> float:
+        """The principal stretch that a thousandth of the solid's volume exceeds.
+
+        The largest one is that of a single point: where a surface folds onto itself it grows
+        with every refinement. This one converges.
+        """
+        self.set(full)
+        rule = ng.IntegrationRule(ng.TRIG, _RULE_ORDER)
+        places = self.mesh.MapToAllElements(rule, ng.VOL)
+        stretch = _largest_stretch(np.asarray(self._strain(places)))
+        size = ng.Det(ng.specialcf.JacobianMatrix(2, 2)) * self._thickness
+        volume = np.asarray(size(places)).ravel() * np.tile(rule.weights, self.mesh.ne)
+        order = np.argsort(-stretch)
+        beyond = np.cumsum(volume[order]) - volume[order] / 2
+        return float(np.interp(STRETCHED_SHARE * volume.sum(), beyond, stretch[order]))
+
+    @property
+    def _strain(self) -> CF:
+        """F : F and det F in the plane, and the stretch out of it."""
+        f = ng.Id(2) + ng.Grad(self.u)
+        return ng.CF((ng.InnerProduct(f, f), ng.Det(f), self._stretch_33))
+
+
+def _largest_stretch(strain: FloatArray) -> FloatArray:
+    trace, det = strain[:, 0], strain[:, 1]
+    in_plane = np.sqrt(trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - det**2, 0.0)))
+    # On the axis u_r / r is 0 / 0; its limit is one of the stretches in the plane.
+    return np.asarray(np.fmax(in_plane, strain[:, 2]))
 
 
 def spring_density(body: Body) -> Density:

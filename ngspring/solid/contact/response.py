@@ -16,6 +16,7 @@ from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.fem.process import parallel
 from ngspring.physics.elasticity import F_33
+from ngspring.physics.elasticity import measure as measure_of
 from ngspring.problem.scaling import force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
@@ -112,6 +113,9 @@ class ContactResponse:
         the mirror line; negative where surfaces overlap, infinite if nothing is near.
     largest_stretch : array (points,)
         Largest principal stretch.
+    stretch_measure : array (points,)
+        The principal stretch that a thousandth of the solid's volume exceeds: unlike the largest
+        one, which is that of a point, it converges with the mesh.
     largest_stretch_at : array (points, 2)
         Its place in the undeformed solid in mm.
     contact_starts : tuple of float
@@ -144,6 +148,7 @@ class ContactResponse:
     smallest_gap: FloatArray
     largest_stretch: FloatArray
     largest_stretch_at: FloatArray
+    stretch_measure: FloatArray
     contact_starts: tuple[float, ...] = ()
     complete: bool = True
     message: str = ""
@@ -179,6 +184,7 @@ def contact_mechanics(
         supports.extraction.matrix,
         supports.floating,
         lambda u: F_33(u, problem),
+        measure_of(problem),
     )
 
     def measure(places: FloatArray) -> FloatArray:
@@ -299,6 +305,7 @@ def _response(
         smallest_gap=np.array([point.contact.smallest_gap for point in points]),
         largest_stretch=np.array([row[4] for row in rows]),
         largest_stretch_at=np.array([row[5] for row in rows]).reshape(-1, 2),
+        stretch_measure=np.array([solid.stretch_measure(full) for full in fields]),
     )
 
 

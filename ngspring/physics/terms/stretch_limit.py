@@ -1,0 +1,42 @@
+"""A bound on the largest principal stretch of the solid, at every control point."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import ngsolve as ng
+
+from ngspring.physics.brackets import beyond, power
+from ngspring.physics.chi import CF, stiffness
+from ngspring.physics.elasticity import gradient
+from ngspring.physics.terms.base import Fields, Term
+from ngspring.problem.spring import SpringProblem
+
+#: Where both stretches in the plane are the same their derivatives are not defined: rounded off.
+_SMOOTH = 1e-12
+
+
+class StretchLimit(Term):
+    """E(chi) k_s/n <(lambda - limit)/limit>^n of the stretches in the plane and out of it.
+
+    With E(chi) it is the solid's stretch that counts: the void stretches as it likes.
+    """
+
+    name: ClassVar[str] = "stretch"
+    weight: ClassVar[str] = "k_s"
+    of_u: ClassVar[bool] = True
+
+    def density(self, fields: Fields, problem: SpringProblem) -> CF:
+        """Integrand at one control point."""
+        n, limit = problem.n, problem.stretch_limit
+        F = gradient(fields.u, fields.grad_u, problem)
+        half, det = ng.InnerProduct(F.in_plane, F.in_plane) / 2, ng.Det(F.in_plane)
+        spread = half * half - det * det
+        squared = half + ng.sqrt(ng.IfPos(spread, spread, 0) + _SMOOTH)
+        excess = power(beyond(squared, limit) / limit, n)
+        excess = excess + power(beyond(F.F_33 * F.F_33, limit) / limit, n)
+        return problem.k_s / n * stiffness(fields.chi, problem) * excess
+
+    def active(self, problem: SpringProblem) -> bool:
+        """Whether there is a limit."""
+        return problem.stretch_limit > 0.0
