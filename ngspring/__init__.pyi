@@ -10,6 +10,7 @@ from .basics.errors import RunFolderError as RunFolderError
 from .basics.version import __version__ as __version__
 from .design.design import Design as Design
 from .design.gallery import gallery as gallery
+from .design.gallery import parts as parts
 from .design.history import History as History
 from .design.snapshots import Snapshots as Snapshots
 from .evolution.evolve import Evolution as Evolution
@@ -112,6 +113,7 @@ __all__ = [
     "mesh_body",
     "optimality",
     "optimize",
+    "parts",
     "problem_from_curve",
     "read_curve",
     "read_run",

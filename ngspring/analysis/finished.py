@@ -13,7 +13,7 @@ from ngspring.analysis.states import States, curve_displacements, index_of
 from ngspring.analysis.stored import StoredResponse, StoredStates
 from ngspring.basics.errors import DesignFileError
 from ngspring.design.design import Design
-from ngspring.design.gallery import gallery
+from ngspring.design.gallery import gallery, parts
 
 logger = logging.getLogger(__name__)
 
@@ -98,7 +98,8 @@ def responses_in(folder: Path, design: Design) -> Stored | None:
 
 def responses_in_gallery(design: Design) -> Stored | None:
     """Those of a design that are stored with the gallery; None without any."""
-    for resource in gallery.states(design.problem.name):
+    name = design.problem.name
+    for resource in (*gallery.states(name), *parts.states(name)):
         with as_file(resource) as path:
             stored = _read(path, design)
         if stored is not None:

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from ngspring.basics.errors import DesignFileError
 from ngspring.campaign.plan import Run
+from ngspring.design.corrections import without_aims
 from ngspring.design.design import Design
 from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import DESIGN
+from ngspring.part.realisation import is_settled
 from ngspring.problem.point import worst_deviation
 
 CONVERGED, NOT_CONVERGED = "converged", "not converged"
@@ -31,7 +33,7 @@ class Outcome:
     start : str
         Start of the design; empty, as what follows, where there is no design.
     q : tuple of float
-        Reached forces in N.
+        Reached forces in N; those of the solid, if they are known.
     width : float or None
         W/H (Eq. 20) or D/H (Eq. 25).
     updates, newton_iterations : int or None
@@ -80,7 +82,7 @@ class Outcome:
             status,
             message,
             start,
-            tuple(design.info.get("q", ())),
+            tuple(design.solid or design.info.get("q", ())),
             design.relative_width,
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
@@ -95,7 +97,10 @@ def finished(run: Run, out: Path) -> Outcome | None:
         design = Design.load(out / run.name / DESIGN)
     except DesignFileError:
         return None
-    same = design.problem.equals_but_for_name(run.problem)
+    asked = without_aims(design.problem) if run.part else design.problem
+    same = asked.equals_but_for_name(run.problem)
     if not same or design.info.get("converged") is not True:
+        return None
+    if run.part and not is_settled(design):
         return None
     return Outcome.of_design(run, design, CONVERGED, "")

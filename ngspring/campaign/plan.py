@@ -13,6 +13,7 @@ Every run is a table; its keys other than ``case`` or ``file`` are optional::
     dt_initial = 0.1
     max_updates = 300
     ladder = false                  # no coarse meshes before this one
+    part = true                     # until its solid goes through the targets
     changes = {k_rho = [1e-8, 2e-8], p = 6.0}
 
 A list in ``changes`` gives one run per value, with a suffix such as ``-k_rho=2e-08`` to its name,
@@ -52,6 +53,7 @@ KEYS = (
     "dt_initial",
     "max_updates",
     "ladder",
+    "part",
     "changes",
     "robust",
 )
@@ -81,6 +83,9 @@ class Run:
         Stop after this many design updates.
     ladder : bool
         Whether coarse meshes come first (`ngspring.evolution.ladder`).
+    part : bool
+        Whether the design is corrected until its solid goes through the targets
+        (`ngspring.realise`).
     folder : str
         What the path of a start's design is relative to; the working directory by default.
 
@@ -97,6 +102,7 @@ class Run:
     dt_initial: float | None = None
     max_updates: int | None = None
     ladder: bool = True
+    part: bool = False
     folder: str = ""
 
     def __post_init__(self) -> None:
@@ -118,8 +124,10 @@ class Run:
         updates = self.max_updates
         if updates is not None and (not _is_integer(updates) or updates < 1):
             raise ProblemError(f"max_updates = {shown(updates)} must be an integer of at least 1")
-        if not isinstance(self.ladder, bool):
-            raise ProblemError(f"ladder = {shown(self.ladder)} must be true or false")
+        for name in ("ladder", "part"):
+            value = getattr(self, name)
+            if not isinstance(value, bool):
+                raise ProblemError(f"{name} = {shown(value)} must be true or false")
 
     @property
     def after(self) -> str | None:
@@ -247,7 +255,7 @@ def _runs(table: Mapping[str, Any], folder: Path) -> Iterator[Run]:
         name = table["name"]
         _check_name(name)
     start = table.get("start", "column")
-    names = ("seed", "dt_initial", "max_updates", "ladder")
+    names = ("seed", "dt_initial", "max_updates", "ladder", "part")
     options = {key: table[key] for key in names if key in table}
     if isinstance(start, str) and start.startswith("design:"):
         options["folder"] = str(folder)

@@ -16,6 +16,7 @@ from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Observer, Update
+from ngspring.part.realise import realise
 from ngspring.view.report import REPORT, keep_report
 
 
@@ -60,7 +61,8 @@ def execute(run: Run, out: Path, threads: int, observer: Observer) -> Outcome:
         See `ngspring.evolution.optimize.optimize`.
     """
     try:
-        result = optimize(
+        design_it = realise if run.part else optimize
+        result = design_it(
             run.problem,
             _start(run, out),
             run.dt_initial,

@@ -16,21 +16,27 @@ from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
 from ngspring.cli.options import FAILED, OK, UNSOUND, Finite, threads_option
 from ngspring.cli.tables import make_console
+from ngspring.design.corrections import MISSED, solid_deviations
 from ngspring.design.design import Design
-from ngspring.design.gallery import gallery
+from ngspring.design.gallery import PART, gallery, parts
 from ngspring.design.soundness import flaw
 from ngspring.evolution.folder import read_design
 from ngspring.kkt.stationarity import Optimality, optimality
+from ngspring.part.realisation import PartSettings
+from ngspring.part.solid_forces import solid_forces
 from ngspring.problem.point import ControlPoint
 from ngspring.view.text import deviation_percent
 
 #: So far, relative to the largest, may forces of one design differ that were computed twice.
 _SAME_FORCE = 1e-6
+#: And those of a solid, whose mesh may be another one with another Netgen.
+_SAME_SOLID = 2e-3
 
 
 @click.command("check")
 @click.argument("names", metavar="[DESIGN]...", nargs=-1)
 @click.option("--gallery", "all_stored", is_flag=True, help="Check every stored design.")
+@click.option("--parts", "all_parts", is_flag=True, help="Check every stored part.")
 @click.option(
     "--tolerance",
     type=Finite(),
@@ -49,11 +55,15 @@ _SAME_FORCE = 1e-6
 def check_command(
     names: tuple[str, ...],
     all_stored: bool,
+    all_parts: bool,
     tolerance: float,
     force_tolerance: float,
     threads: int | None,
 ) -> int:
     """Check that designs are stationary points and meet their targets (within 0.1 %).
+
+    Of a part the third medium has to have the forces that were asked of it, and the solid, by real
+    contact, those that are stored, which miss no target by more than 0.5 %.
 
     Everything is computed anew from the design field. Control points with an offset of chi
     (eta) are shown, but need not be met. A load path that is stored with a design has to have the
@@ -70,10 +80,12 @@ def check_command(
         designs.append((name, design, path.parent))
     if all_stored:
         designs += [(name, design, None) for name, design in gallery.items()]
+    if all_parts:
+        designs += [(f"{name}{PART}", design, None) for name, design in parts.items()]
     if not designs:
-        raise click.UsageError(
-            "there are no stored designs" if all_stored else "name a design, or use --gallery"
-        )
+        stored_none = "there are no stored designs"
+        wanted = all_stored or all_parts
+        raise click.UsageError(stored_none if wanted else "name a design, or use --gallery")
     table = check_table()
     codes = {OK}
     for name, design, folder in designs:
@@ -83,7 +95,8 @@ def check_command(
             outcome = str(error)
         stored = stored_responses(design, folder)
         limits = tolerance, force_tolerance / 100
-        codes.add(add_check(table, name, design, outcome, *limits, stored))
+        solid = None if design.solid is None else solid_forces(design, threads=threads)[0]
+        codes.add(add_check(table, name, design, outcome, *limits, stored, solid))
     make_console().print(table)
     return FAILED if FAILED in codes else max(codes)
 
@@ -95,6 +108,18 @@ def _has_forces(stored: Stored, points: Sequence[ControlPoint], q: FloatArray) -
         force is not None and abs(force - own) <= _SAME_FORCE * float(np.abs(q).max())
         for force, own in zip(found, q, strict=True)
     )
+
+
+def _faults_of_solid(design: Design, solid: FloatArray) -> list[str]:
+    """Why a part does not carry what it should."""
+    points, noted = design.problem.control_points, np.array(design.solid)
+    reasons = []
+    if not np.allclose(solid, noted, rtol=_SAME_SOLID, atol=0.0, equal_nan=True):
+        reasons.append("its solid (the forces are not those that are stored)")
+    far = float(np.abs(solid_deviations(points, solid.tolist())).max())
+    if not far <= PartSettings().tolerance and not design.info.get(MISSED):
+        reasons.append(f"its solid (off by up to {100 * far:.2f} %)")
+    return reasons
 
 
 def check_table() -> Table:
@@ -115,6 +140,7 @@ def add_check(
     tolerance: float,
     force_tolerance: float,
     stored: Stored | None = None,
+    solid: FloatArray | None = None,
 ) -> int:
     """Add a design's row to the table; returns the exit code it asks for.
 
@@ -131,6 +157,8 @@ def add_check(
         Largest relative deviation of a force from its target.
     stored : mapping from eta to StoredResponse, optional
         Its stored load path.
+    solid : array, optional
+        Forces of a part's solid, computed anew.
     """
     ratio = f"{design.relative_width:.4f}"
     if isinstance(outcome, str):
@@ -148,6 +176,8 @@ def add_check(
         reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
     if stored is not None and not _has_forces(stored, points, outcome.q):
         reasons.append("its stored load path (the forces are others)")
+    if solid is not None:
+        reasons += _faults_of_solid(design, solid)
     code = FAILED if reasons else OK
     no_part = flaw(design, outcome.grey)
     if no_part:
@@ -156,10 +186,11 @@ def add_check(
     table.add_row(
         name,
         f"{outcome.residual:.1e}",
-        "\n".join(significant(q, 6) for q in outcome.q),
+        "\n".join(significant(q, 6) for q in (outcome.q if solid is None else solid)),
         "\n".join(
-            deviation_percent(float(q), point.q) + (f" (η = {point.eta:g})" if point.eta else "")
-            for q, point in zip(outcome.q, points, strict=True)
+            deviation_percent(float(q), point.q_star if solid is None else point.q)
+            + (f" (η = {point.eta:g})" if point.eta else "")
+            for q, point in zip(outcome.q if solid is None else solid, points, strict=True)
         ),
         ratio,
         f"fails: {' and '.join(reasons)}" if reasons else "passes",

@@ -87,6 +87,11 @@ def with_aims(problem: SpringProblem, aims: Sequence[float]) -> SpringProblem:
     return problem.replace(control_points=points)
 
 
+def without_aims(problem: SpringProblem) -> SpringProblem:
+    """The problem as it was asked for: nothing is corrected."""
+    return with_aims(problem, [point.q for point in problem.control_points])
+
+
 def corrections_of(notes: Mapping[str, Any]) -> tuple[Correction, ...]:
     """What the notes of a design hold, in order; checked already."""
     return tuple(

@@ -33,8 +33,8 @@ class Gallery(Mapping[str, Design]):
         Where they are.
     """
 
-    def __init__(self) -> None:
-        self.folder = files("ngspring.design") / "stored"
+    def __init__(self, folder: str = "stored") -> None:
+        self.folder = files("ngspring.design") / folder
 
     def _names(self) -> list[str]:
         if not self.folder.is_dir():
@@ -88,3 +88,21 @@ class Gallery(Mapping[str, Design]):
 
 gallery = Gallery()
 """The stored designs."""
+
+parts = Gallery("parts")
+"""Those whose solids go through the targets (`ngspring.realise`), under the same names."""
+
+#: A stored part of the case C4 is called C4-part where a name stands for itself.
+PART = "-part"
+
+
+def stored_design(name: str) -> Design:
+    """The design of the gallery that has this name, or the part, for one such as ``C4-part``.
+
+    Raises
+    ------
+    UnknownDesignError
+        If there is none.
+    """
+    case = name.removesuffix(PART)
+    return parts[case] if case != name and case in parts else gallery[name]

@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 from ngspring.basics.errors import DesignFileError, RunFolderError
 from ngspring.basics.files import remove_leftovers, replacing
 from ngspring.design.design import Design
-from ngspring.design.gallery import gallery
+from ngspring.design.gallery import stored_design
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.problem.spring import SpringProblem
 
@@ -183,4 +183,4 @@ def read_design(text: str) -> tuple[Design, Path]:
         path = path / DESIGN
     if path.suffix or path.parent != Path() or os.path.exists(path):
         return Design.load(path), path
-    return gallery[text], Path(f"{text}.npz")
+    return stored_design(text), Path(f"{text}.npz")

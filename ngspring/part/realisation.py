@@ -14,10 +14,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ngspring.basics.checks import finite_number, refused, shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
-from ngspring.design.corrections import MISSED, Correction, best_of, with_aims
+from ngspring.design.corrections import MISSED, Correction, best_of, solid_deviations, with_aims
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.checkpoint import Checkpoint
@@ -103,6 +105,14 @@ def verdict(
     if len(found) <= settings.corrections and since < settings.patience:
         return None
     return _missed(found[best], problem, settings, len(found) - 1)
+
+
+def is_settled(design: Design, settings: PartSettings | None = None) -> bool:
+    """Whether a design is the end of its corrections: its solid meets its targets, or cannot."""
+    if design.solid is None or design.info.get(MISSED):
+        return bool(design.info.get(MISSED))
+    far = np.abs(solid_deviations(design.problem.control_points, design.solid)).max()
+    return bool(far <= (settings or PartSettings()).tolerance)
 
 
 def _missed(

@@ -126,7 +126,8 @@ class Verification:
     @property
     def stretch_measure(self) -> float:
         """The stretch that a thousandth of the volume exceeds, at its largest over the path."""
-        return float(self.contact.stretch_measure.max(initial=np.nan))
+        values = self.contact.stretch_measure
+        return float(values.max()) if len(values) else float("nan")
 
     @property
     def complete(self) -> bool:

@@ -18,7 +18,14 @@ SMALL = 8
 LINES = ("-", "--", "-.", ":")
 #: Markers of what a solid carries.
 SOLID_STYLE: Mapping[str, Any] = MappingProxyType(
-    {"linestyle": "none", "marker": "D", "color": "black", "markersize": 4, "zorder": 5}
+    {
+        "linestyle": "none",
+        "marker": "D",
+        "markerfacecolor": "none",
+        "markeredgecolor": "black",
+        "markersize": 9,
+        "zorder": 5,
+    }
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -168,19 +169,26 @@ def snapshots_figure(
     return rows_figure(rows)
 
 
+def _solid_texts(design: Design, points: Sequence[ControlPoint]) -> list[str]:
+    """What the solid of a part carries at each of these points; empty if that is not known."""
+    known = dict(zip(design.problem.control_points, design.solid or (), strict=False))
+    forces = [known.get(point, math.nan) for point in points]
+    return [f"solid {force:.4g} N" if math.isfinite(force) else "" for force in forces]
+
+
 def _state_panels(
     name: str, design: Design, responses: Responses, points: Sequence[ControlPoint]
 ) -> list[Panel]:
     """The undeformed design, then its states at some control points."""
     panels = [Panel(f"{picture_text(name)}\n{ratio_text(design)}", design)]
-    for point in points:
+    for point, in_solid in zip(points, _solid_texts(design, points), strict=True):
         response = by_offset(responses).get(point.eta)
         index = None if response is None else index_of(response, point.d)
         label = point_label(point)
         if response is None or index is None:
             panels.append(Panel(f"{label}\nnot reached", None, point.d))
             continue
-        title = f"{label}\nq = {response.q[index]:.4g} N (target {point.q:g})"
+        title = f"{label}\n{in_solid or f'q = {response.q[index]:.4g} N'} (target {point.q:g})"
         u = full_displacement(response, index)
         panels.append(Panel(title, design, point.d, u, point.eta))
     return panels

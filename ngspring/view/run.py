@@ -183,7 +183,8 @@ def _mark_meshes(axes: Sequence[Axes], history: History) -> None:
         corrected = "correction 1" if first.correction == 1 else str(first.correction)
         axes[0].annotate(
             corrected if first.correction else f"{first.elements} × {first.elements}",
-            (first.update, 0.05),
+            # Above each other where stages are short.
+            (first.update, 0.9 if first.correction else 0.05),
             xycoords=("data", "axes fraction"),
             xytext=(3, 0),
             textcoords="offset points",

@@ -98,7 +98,7 @@ def mesh_changes(name: str, displacements: tuple[float, ...], **finer: float) ->
 
 def test_a_finer_mesh_of_c4_changes_its_forces_by_a_five_hundredth_at_most() -> None:
     # Not between -8 and -11 mm, where the hole's ends crease: a snap that any disturbance triggers.
-    changes = mesh_changes("C4", (10.0, -5.0, -12.0), max_size=0.8, angle=0.1)
+    changes = mesh_changes("C4", (10.0, -5.0, -12.0), max_size=0.6, angle=0.067)
     assert changes.max() < 2e-3
 
 
@@ -469,8 +469,11 @@ def test_bad_input_is_one_line_and_exit_code_2(
 
 
 def test_a_crease_is_no_contact() -> None:
-    """C3 folds at -10.6 mm: two edges share the crease's point, whose gap is zero but rounding."""
-    body = mesh_body(gallery["C3"])
+    """C3 folds at -10.6 mm: two edges share the crease's point, whose gap is zero but rounding.
+
+    On a finer mesh, the default, the two sides of the crease really touch by then.
+    """
+    body = mesh_body(gallery["C3"], angle=0.12)
     response = contact_load_displacement(body, [-10.7], threads=1)
     assert response.complete, response.message
     assert response.contact_starts == ()
