@@ -40,6 +40,7 @@ from .problem.curves.curve import TargetCurve as TargetCurve
 from .problem.curves.curve import read_curve as read_curve
 from .problem.material import bulk_and_shear_modulus as bulk_and_shear_modulus
 from .problem.material import young_from_shore_A as young_from_shore_A
+from .problem.offsets import with_offsets as with_offsets
 from .problem.point import ControlPoint as ControlPoint
 from .problem.scaling import scaled as scaled
 from .problem.scaling import with_similar_weights as with_similar_weights
@@ -122,6 +123,7 @@ __all__ = [
     "taylor_test",
     "tolerance",
     "verify",
+    "with_offsets",
     "with_similar_weights",
     "write_report",
     "young_from_shore_A",

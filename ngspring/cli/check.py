@@ -16,7 +16,7 @@ from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
 from ngspring.cli.options import FAILED, OK, UNSOUND, Finite, threads_option
 from ngspring.cli.tables import make_console
-from ngspring.design.corrections import MISSED, solid_deviations
+from ngspring.design.corrections import MISSED, of_part, solid_deviations
 from ngspring.design.design import Design
 from ngspring.design.gallery import PART, gallery, parts
 from ngspring.design.soundness import flaw
@@ -116,7 +116,7 @@ def _faults_of_solid(design: Design, solid: FloatArray) -> list[str]:
     reasons = []
     if not np.allclose(solid, noted, rtol=_SAME_SOLID, atol=0.0, equal_nan=True):
         reasons.append("its solid (the forces are not those that are stored)")
-    far = float(np.abs(solid_deviations(points, solid.tolist())).max())
+    far = float(np.abs(solid_deviations(points, solid.tolist())[of_part(points)]).max())
     if not far <= PartSettings().tolerance and not design.info.get(MISSED):
         reasons.append(f"its solid (off by up to {100 * far:.2f} %)")
     return reasons
@@ -178,6 +178,7 @@ def add_check(
         reasons.append("its stored load path (the forces are others)")
     if solid is not None:
         reasons += _faults_of_solid(design, solid)
+    shown_forces = outcome.q if solid is None else solid
     code = FAILED if reasons else OK
     no_part = flaw(design, outcome.grey)
     if no_part:
@@ -186,11 +187,11 @@ def add_check(
     table.add_row(
         name,
         f"{outcome.residual:.1e}",
-        "\n".join(significant(q, 6) for q in (outcome.q if solid is None else solid)),
+        "\n".join(significant(q, 6) for q in shown_forces),
         "\n".join(
             deviation_percent(float(q), point.q_star if solid is None else point.q)
             + (f" (η = {point.eta:g})" if point.eta else "")
-            for q, point in zip(outcome.q if solid is None else solid, points, strict=True)
+            for q, point in zip(shown_forces, points, strict=True)
         ),
         ratio,
         f"fails: {' and '.join(reasons)}" if reasons else "passes",

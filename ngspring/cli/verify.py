@@ -111,7 +111,9 @@ def verification_lines(outcome: Verification) -> list[str]:
         f"largest principal stretch: {stretch:.3f}, at {place};"
         f" all but a thousandth of the volume stays below {outcome.stretch_measure:.3f}"
     )
-    lines.append(f"smallest wall: {significant(outcome.smallest_wall, 3)} mm")
+    gap = outcome.smallest_gap
+    between = f"smallest gap {significant(gap, 3)} mm" if gap < float("inf") else "no gap"
+    lines.append(f"smallest wall {significant(outcome.smallest_wall, 3)} mm, {between}, undeformed")
     if quality is not None:
         lines.append(
             f"mesh: {quality.elements} elements, at least {quality.elements_across} across a wall,"

@@ -34,31 +34,36 @@ class Correction:
     aims : tuple of float
         Forces in N that the third medium was asked for, one for each control point.
     solid : tuple of float
-        Forces in N that the solid carries there by real contact; NaN where it did not get there.
+        Forces in N that the solid carries there by real contact; NaN where it did not get there,
+        and at control points with an offset eta, which are not the part's.
     """
 
     update: int
     aims: tuple[float, ...]
     solid: tuple[float, ...]
 
-    @property
-    def complete(self) -> bool:
-        """Whether the solid reached every control point."""
-        return bool(np.isfinite(self.solid).all())
+    def reached(self, points: Sequence[ControlPoint]) -> bool:
+        """Whether the solid reached every control point of the part."""
+        return bool(np.isfinite(np.array(self.solid)[of_part(points)]).all())
 
-    def deviations(self, points: Iterable[ControlPoint]) -> FloatArray:
+    def deviations(self, points: Sequence[ControlPoint]) -> FloatArray:
         """How far the solid is from each target, as `solid_deviations`."""
         return solid_deviations(points, self.solid)
 
-    def worst(self, points: Iterable[ControlPoint]) -> float:
+    def worst(self, points: Sequence[ControlPoint]) -> float:
         """The deviation that is largest in size; NaN if a control point was not reached."""
-        far = self.deviations(points)
+        far = self.deviations(points)[of_part(points)]
         return float(far[np.argmax(np.abs(far))])
 
     def to_note(self) -> dict[str, Any]:
         """In JSON types; None where the solid did not get."""
         solid = [force if np.isfinite(force) else None for force in self.solid]
         return {"update": self.update, "aims": list(self.aims), "solid": solid}
+
+
+def of_part(points: Iterable[ControlPoint]) -> list[int]:
+    """The control points that the part has to go through: those without an offset eta."""
+    return [j for j, point in enumerate(points) if not point.eta]
 
 
 def solid_deviations(points: Iterable[ControlPoint], forces: Sequence[float]) -> FloatArray:
@@ -110,10 +115,9 @@ def solid_in(notes: Mapping[str, Any], aims: Sequence[float]) -> tuple[float, ..
     return known[-1] if known else None
 
 
-def best_of(found: Sequence[Correction], points: Iterable[ControlPoint]) -> int | None:
+def best_of(found: Sequence[Correction], points: Sequence[ControlPoint]) -> int | None:
     """Which one is nearest to the targets; None if no solid reached all of them."""
-    points = tuple(points)
-    far = [abs(one.worst(points)) if one.complete else np.inf for one in found]
+    far = [abs(one.worst(points)) if one.reached(points) else np.inf for one in found]
     return int(np.argmin(far)) if np.isfinite(far).any() else None
 
 

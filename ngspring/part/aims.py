@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.design.corrections import Correction, target_sizes
+from ngspring.design.corrections import Correction, of_part, target_sizes
 from ngspring.problem.point import ControlPoint
 
 #: Largest change of an aim in one correction, relative to the target: a design must find its way.
@@ -32,16 +32,42 @@ def corrected_aims(found: Sequence[Correction], points: Sequence[ControlPoint]) 
     found : sequence of Correction
         All designs so far, in order; at least one solid reached every control point.
     points : sequence of ControlPoint
-        What the solid has to go through.
+        What the solid has to go through. Those with an offset eta are not the part's: their aims
+        follow that of the design itself at the same displacement.
     """
-    if not found[-1].complete:
+    known = [one for one in found if one.reached(points)]
+    if known[-1] is not found[-1]:
         # It went too far: half the way back to the last one that can be computed.
-        last = [one for one in found if one.complete][-1]
-        return np.asarray((np.array(found[-1].aims) + np.array(last.aims)) / 2)
+        return np.asarray((np.array(found[-1].aims) + np.array(known[-1].aims)) / 2)
+    own = of_part(points)
     targets = np.array([point.q for point in points])
+    corrected = targets.copy()
+    corrected[own] = _corrected(
+        np.array([one.aims for one in known])[:, own],
+        np.array([one.solid for one in known])[:, own],
+        targets[own],
+    )
+    for j, point in enumerate(points):
+        if point.eta:
+            corrected[j] = point.q * _factor(point, points, corrected)
+    return np.asarray(corrected)
+
+
+def _factor(point: ControlPoint, points: Sequence[ControlPoint], corrected: FloatArray) -> float:
+    """How the design itself is corrected at the displacement of a point with an offset eta."""
+    same = [
+        float(aim) / own.q
+        for own, aim in zip(points, corrected, strict=True)
+        if not own.eta and own.d == point.d and own.q
+    ]
+    return same[0] if same else 1.0
+
+
+def _corrected(all_aims: FloatArray, forces: FloatArray, targets: FloatArray) -> FloatArray:
+    """Aims for the next design from aims and forces (designs, control points) so far."""
     sizes = target_sizes(targets)
-    aims = [np.array(one.aims) / sizes for one in found if one.complete]
-    misses = [(np.array(one.solid) - targets) / sizes for one in found if one.complete]
+    aims = list(all_aims / sizes)
+    misses = list((forces - targets) / sizes)
     inverse = np.diag(1 / _first_slopes(aims[0], misses[0] + targets / sizes))
     for k in range(1, len(aims)):
         inverse = _updated(inverse, aims[k] - aims[k - 1], misses[k] - misses[k - 1])

@@ -19,7 +19,14 @@ import numpy as np
 from ngspring.basics.checks import finite_number, refused, shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
-from ngspring.design.corrections import MISSED, Correction, best_of, solid_deviations, with_aims
+from ngspring.design.corrections import (
+    MISSED,
+    Correction,
+    best_of,
+    of_part,
+    solid_deviations,
+    with_aims,
+)
 from ngspring.design.design import Design
 from ngspring.design.history import History
 from ngspring.evolution.checkpoint import Checkpoint
@@ -93,13 +100,11 @@ def verdict(
     last, points = found[-1], problem.control_points
     best = best_of(found, points)
     if best is None:
-        missing = [
-            p.d for p, q in zip(points, last.solid, strict=True) if not abs(q) < float("inf")
-        ]
+        missing = [points[j].d for j in of_part(points) if not np.isfinite(last.solid[j])]
         places = ", ".join(f"{d:g}" for d in missing)
         reason = f" ({why})" if why else ""
         return f"the solid's path does not reach d = {places} mm{reason}"
-    if last.complete and abs(last.worst(points)) <= settings.tolerance:
+    if last.reached(points) and abs(last.worst(points)) <= settings.tolerance:
         return ""
     since = len(found) - 1 - best
     if len(found) <= settings.corrections and since < settings.patience:
@@ -111,7 +116,8 @@ def is_settled(design: Design, settings: PartSettings | None = None) -> bool:
     """Whether a design is the end of its corrections: its solid meets its targets, or cannot."""
     if design.solid is None or design.info.get(MISSED):
         return bool(design.info.get(MISSED))
-    far = np.abs(solid_deviations(design.problem.control_points, design.solid)).max()
+    points = design.problem.control_points
+    far = np.abs(solid_deviations(points, design.solid))[of_part(points)].max()
     return bool(far <= (settings or PartSettings()).tolerance)
 
 
@@ -119,7 +125,7 @@ def _missed(
     best: Correction, problem: SpringProblem, settings: PartSettings, corrections: int
 ) -> str:
     far = best.deviations(problem.control_points)
-    k = int(abs(far).argmax())
+    k = int(np.nanargmax(np.abs(far)))
     point = problem.control_points[k]
     return (
         f"after {corrections} corrections the best solid carries {significant(best.solid[k], 4)} N"

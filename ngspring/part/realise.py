@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
+from ngspring.design.corrections import of_part
 from ngspring.design.design import Design
 from ngspring.evolution.carry_out import carried_out
 from ngspring.evolution.evolve import evolve
@@ -69,6 +71,8 @@ def realise(
     >>> result = ngspring.realise(ngspring.cases["C4"], out="runs/C4-part")  # doctest: +SKIP
     >>> result.message or "the part does what the curve says"  # doctest: +SKIP
     """
+    if not of_part(problem.control_points):
+        raise ProblemError("a part needs a control point without an offset eta")
     timings = timings or Timings()
     if dt_initial is None and _is_finished(initial, problem):
         # It is stationary already: the end is tried at once.

@@ -9,6 +9,7 @@ import numpy as np
 from ngspring.analysis.states import force_at
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import OutlineError
+from ngspring.design.corrections import of_part
 from ngspring.design.design import Design
 from ngspring.solid.contact.response import ContactSettings, contact_load_displacement
 from ngspring.solid.mesh.mesh_body import mesh_body
@@ -23,10 +24,7 @@ def solid_forces(
     settings: ContactSettings | None = None,
     threads: int | None = None,
 ) -> tuple[FloatArray, str]:
-    """Forces of the remodelled solid at every control point.
-
-    At a control point with an offset eta the solid is {chi + eta > 0}, as the design that is
-    loaded there (2.6).
+    """Forces of the remodelled solid at the control points without an offset eta.
 
     Parameters
     ----------
@@ -40,23 +38,18 @@ def solid_forces(
     Returns
     -------
     q : array (control points,)
-        In N; NaN where the solid's path did not get there.
+        In N; NaN where the solid's path did not get there, and at those with an offset eta.
     message : str
         Why it did not, if so.
     """
     points = design.problem.control_points
+    own = of_part(points)
     q = np.full(len(points), np.nan)
-    messages = []
-    for eta in dict.fromkeys(point.eta for point in points):
-        mine = [j for j, point in enumerate(points) if point.eta == eta]
-        try:
-            body = mesh_body(design, level=0.0 - eta, elements_across=elements_across)
-        except OutlineError as error:
-            messages.append(str(error))
-            continue
-        displacements = [points[j].d for j in mine]
-        curve = contact_load_displacement(body, displacements, settings=settings, threads=threads)
-        q[mine] = [force_at(curve, d) for d in displacements]
-        if curve.message:
-            messages.append(curve.message)
-    return q, "; ".join(messages)
+    try:
+        body = mesh_body(design, elements_across=elements_across)
+    except OutlineError as error:
+        return q, str(error)
+    places = [points[j].d for j in own]
+    curve = contact_load_displacement(body, places, settings=settings, threads=threads)
+    q[own] = [force_at(curve, d) for d in places]
+    return q, curve.message

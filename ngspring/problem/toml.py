@@ -14,6 +14,8 @@ Table 1. Besides the fields a file may have
 
 - ``E`` (MPa), ``shore_A`` or ``material`` (a name), with ``nu`` (0.4 by default), instead of ``K``
   and ``G``, see `ngspring.problem.material`;
+- ``robust``, ``wall`` and ``gap`` (mm), which add eroded and dilated control points, see
+  `ngspring.problem.offsets`;
 - ``w_q``, the weight of all control points that have none of their own;
 - ``targets = "curve.csv"`` instead of `control_points`, a file in the folder of the TOML file or
   below it, or a table ``targets = {file = "curve.csv", points = 4}`` or with
@@ -29,18 +31,19 @@ import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import tomli_w
 
-from ngspring.basics.checks import finite_number, nearest, refused, shown
+from ngspring.basics.checks import finite_number, nearest, positive_number, refused, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import naming, read_text
 from ngspring.problem.curves.curve import read_curve
 from ngspring.problem.laws import with_material
 from ngspring.problem.material import MATERIAL_KEYS
+from ngspring.problem.offsets import OFFSET_KEYS, taken_offsets, with_offsets
 from ngspring.problem.point import ControlPoint
 
 if sys.version_info >= (3, 11):
@@ -58,7 +61,7 @@ _LONG_KEY = re.compile(
 )
 
 #: Keys that are not fields.
-FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets")
+FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets", *OFFSET_KEYS)
 #: What to take of a curve's file; handed on.
 _READING_KEYS = ("compression", "branch", "specimen", "quantities")
 _TARGETS_KEYS = ("file", "points", "at", *_READING_KEYS)
@@ -169,6 +172,7 @@ def parse_fields(
     further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
     values = with_material({**values, **{k: further[k] for k in MATERIAL_KEYS if k in further}})
     weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
+    offsets = taken_offsets(further)
     if "targets" in further:
         if "control_points" in values:
             raise ProblemError("both targets and control_points are given: give one of them")
@@ -177,7 +181,7 @@ def parse_fields(
             raise ProblemError("targets names a file, but this text does not come from a file")
         path = folder / table["file"] if targets_anywhere else _inside(folder, table["file"])
         points = _points_of_curve(path, table, size(values), weight, notes)
-        return {**values, "control_points": points}
+        return {**values, "control_points": _offset(points, values, described, offsets)}
     if "control_points" not in values:
         raise ProblemError("missing key 'control_points' (or 'targets')")
     tables = values["control_points"]
@@ -186,7 +190,18 @@ def parse_fields(
             f"control_points = {shown(tables)} is not valid: it must be [[control_points]] tables"
         )
     points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
-    return {**values, "control_points": points}
+    return {**values, "control_points": _offset(points, values, described, offsets)}
+
+
+def _offset(
+    points: Sequence[ControlPoint], values: Fields, described: type, offsets: Mapping[str, float]
+) -> Sequence[ControlPoint]:
+    """The points, with those that ``robust``, ``wall`` and ``gap`` add."""
+    if not offsets:
+        return points
+    defaults = {field.name: field.default for field in dataclasses.fields(described)}
+    l_i = positive_number("l_i", values.get("l_i", defaults["l_i"]))
+    return with_offsets(points, l_i, **offsets)
 
 
 def _targets_table(described: object) -> Fields:

@@ -75,6 +75,8 @@ class Verification:
     smallest_wall : float
         Diameter in mm of the smallest disc in the solid that touches two opposite surfaces;
         infinite if the solid has none.
+    smallest_gap : float
+        The same for the undeformed void between two surfaces; infinite if there is none.
     """
 
     design: Design
@@ -82,6 +84,7 @@ class Verification:
     third_medium: States
     contact: ContactResponse
     smallest_wall: float
+    smallest_gap: float = float("inf")
 
     @property
     def points(self) -> tuple[PointVerdict, ...]:
@@ -200,6 +203,7 @@ class Verification:
             },
             "stretch_measure": finite_or_none(self.stretch_measure),
             "smallest_wall": finite_or_none(self.smallest_wall),
+            "smallest_gap_at_rest": finite_or_none(self.smallest_gap),
             "smallest_gap": finite_or_none(float(np.min(contact.smallest_gap, initial=np.inf))),
             "force_balance": finite_or_none(_largest(contact.q_bottom - contact.q)),
             "stress_balance": finite_or_none(_largest(contact.q_stress - contact.q)),
@@ -269,7 +273,9 @@ def verify(
     third_medium = curve_of(design, wanted, folder, threads)
     quality = body.quality
     assert quality is not None  # the mesh was made here
-    return Verification(design, body, third_medium, contact, quality.thinnest_wall)
+    return Verification(
+        design, body, third_medium, contact, quality.thinnest_wall, quality.narrowest_gap
+    )
 
 
 def largest_deviation(

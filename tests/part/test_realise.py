@@ -107,13 +107,21 @@ def test_the_same_for_axisymmetric_springs() -> None:
     assert solid_curve(result.design)[0] == pytest.approx(100.0, rel=0.01)
 
 
-def test_an_offset_of_chi_belongs_to_the_solid_of_that_control_point() -> None:
-    problem = ONE.replace(control_points=(ControlPoint(10, 2, eta=0.5),))
+def test_the_aim_of_an_offset_design_follows_that_of_the_part() -> None:
+    points = (ControlPoint(10, 2), ControlPoint(10, 2.2, weight=1e-3, eta=0.5))
+    problem = ONE.replace(control_points=points)
     result = ngspring.realise(problem, settings=SETTINGS, threads=1)
     assert result.message == ""
-    body = ngspring.mesh_body(result.design, level=-0.5)
-    dilated = ngspring.contact_load_displacement(body, [10.0], threads=1)
-    assert dilated.q[0] == pytest.approx(2.0, rel=0.01)
+    aims = [point.q_star for point in result.design.problem.control_points]
+    assert aims[1] / aims[0] == pytest.approx(1.1)
+    assert result.design.solid is not None
+    assert result.design.solid[0] == pytest.approx(2.0, rel=0.01)
+    assert np.isnan(result.design.solid[1])
+
+
+def test_a_part_without_a_target_of_its_own_is_none() -> None:
+    with pytest.raises(ProblemError, match="without an offset eta"):
+        ngspring.realise(ONE.replace(control_points=(ControlPoint(10, 2, eta=0.5),)))
 
 
 # -- left and taken up -----------------------------------------------------------------------------

@@ -255,6 +255,18 @@ def test_the_thinnest_wall_is_measured() -> None:
     assert quality(mesh_body(ring, PLANE)).thinnest_wall <= 12.0
 
 
+def test_the_narrowest_gap_is_measured() -> None:
+    def two_columns(x: FloatArray, y: FloatArray) -> FloatArray:
+        """Walls of 15 mm, 7 mm apart, joined at both ends."""
+        between = 3.5 - np.abs(x - 50.0)
+        ends = np.abs(y - 50.0) - 30.0
+        outside = np.abs(x - 50.0) - 18.5
+        return np.minimum(np.maximum(-between, ends), -outside)
+
+    assert quality(mesh_body(two_columns, PLANE)).narrowest_gap == pytest.approx(7.0, rel=1e-3)
+    assert np.isinf(quality(mesh_body(column, PLANE)).narrowest_gap)
+
+
 def test_an_asymmetric_function_is_meshed_in_the_full_domain() -> None:
     body = mesh_body(leaning, PLANE)
     assert body.problem.domain == "full"

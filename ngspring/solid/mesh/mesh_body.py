@@ -120,7 +120,7 @@ def mesh_body(
         area = solid.area * len(mesh.triangles) / mesh.quarter_elements
     else:
         body_problem, area = ls.problem, solid.area
-    quality = quality_of(mesh, area, across, float(boundary.thickness.min()))
+    quality = quality_of(mesh, area, across, boundary)
     _check(quality)
     return Body(body_problem, to_ngsolve(mesh), ls.level, quality, mesh)
 

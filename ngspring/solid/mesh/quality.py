@@ -34,6 +34,8 @@ class MeshQuality:
     thinnest_wall : float
         Smallest distance in mm between the two faces of a wall, or infinity without walls: the
         diameter of the smallest disc in the solid that touches two opposite surfaces.
+    narrowest_gap : float
+        The same for the void: between two surfaces that face each other, undeformed.
     area : float
         Of the mesh in mm^2.
     area_error : float
@@ -48,14 +50,15 @@ class MeshQuality:
     smallest_jacobian: float
     elements_across: int
     thinnest_wall: float
+    narrowest_gap: float
     area: float
     area_error: float
     smallest_edge: float
     largest_edge: float
 
 
-def quality_of(mesh: TriangleMesh, area: float, across: int, wall: float) -> MeshQuality:
-    """Measure a mesh of a solid of this area (mm^2) and thinnest wall (mm)."""
+def quality_of(mesh: TriangleMesh, area: float, across: int, boundary: Boundary) -> MeshQuality:
+    """Measure a mesh of a solid of this area (mm^2) and boundary."""
     jacobian = _jacobian_bounds(mesh)
     p = mesh.points[mesh.triangles]
     edges = np.linalg.norm(p[:, [1, 2, 0]] - p[:, [0, 1, 2]], axis=2)
@@ -66,7 +69,8 @@ def quality_of(mesh: TriangleMesh, area: float, across: int, wall: float) -> Mes
         smallest_angle=float(np.degrees(_angles(p).min())),
         smallest_jacobian=float((jacobian.min(axis=1) / jacobian.max(axis=1)).min()),
         elements_across=across,
-        thinnest_wall=wall,
+        thinnest_wall=float(boundary.thickness.min()),
+        narrowest_gap=float(boundary.gap.min()),
         area=measured,
         area_error=measured / area - 1,
         smallest_edge=float(edges.min()),
