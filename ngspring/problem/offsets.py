@@ -16,7 +16,7 @@ from ngspring.problem.point import ControlPoint
 
 #: Weight of an eroded or dilated point relative to that of its target. Small: the curve of the
 #: design itself comes first; but large against the material, or walls would still be cut.
-SHARE_ROBUST, SHARE_WALL = 1e-3, 1e-4
+SHARE_ROBUST, SHARE_WALL = 1e-4, 1e-4
 #: The keys of a problem's TOML file, in mm.
 OFFSET_KEYS = ("robust", "wall", "gap")
 
