@@ -199,6 +199,10 @@ class Evolution:
         """What the solids of the stationary designs so far carry (`ngspring.realise`)."""
         return self._found
 
+    def aim_at(self, aims: Sequence[float]) -> None:
+        """Begin with these forces in N asked of the third medium, on the last mesh."""
+        self._rungs = (with_aims(self.problem, aims),)
+
     def carrying(self, solid: Sequence[float]) -> Correction:
         """The present stationary design, whose solid carries these forces (N) by real contact."""
         aims = tuple(point.q_star for point in self._rungs[0].control_points)

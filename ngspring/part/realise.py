@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike
-from ngspring.design.corrections import of_part
+from ngspring.design.corrections import of_part, without_aims
 from ngspring.design.design import Design
 from ngspring.evolution.carry_out import carried_out
 from ngspring.evolution.evolve import evolve
@@ -48,7 +48,7 @@ def realise(
     Parameters
     ----------
     problem, initial, dt_initial, max_updates, out, observers
-        See `ngspring.optimize`. A finished design of the same problem is taken as it is.
+        See `ngspring.optimize`. A finished design or part for the same targets is taken as it is.
     settings : PartSettings, optional
         Tolerance, and how many corrections are tried.
     resume, threads, solver, rule, newton, start_name, ladder, timings
@@ -74,7 +74,8 @@ def realise(
     if not of_part(problem.control_points):
         raise ProblemError("a part needs a control point without an offset eta")
     timings = timings or Timings()
-    if dt_initial is None and _is_finished(initial, problem):
+    finished = _finished(initial, problem)
+    if dt_initial is None and finished is not None:
         # It is stationary already: the end is tried at once.
         dt_initial = 10 * StepRule().end * time_unit(problem)
     evolution = evolve(
@@ -89,11 +90,15 @@ def realise(
         ladder=ladder,
         timings=timings,
     )
+    if finished is not None:
+        evolution.aim_at([point.q_star for point in finished.problem.control_points])
     realisation = Realisation(evolution, settings or PartSettings(), threads)
     return carried_out(realisation, problem, max_updates, out, observers, resume, timings)
 
 
-def _is_finished(initial: Start | None, problem: SpringProblem) -> bool:
+def _finished(initial: Start | None, problem: SpringProblem) -> Design | None:
+    """The start, if it is a finished design for the same targets, corrected or not."""
     if not isinstance(initial, Design) or not initial.info.get("converged"):
-        return False
-    return initial.problem.equals_but_for_name(problem)
+        return None
+    same = without_aims(initial.problem).equals_but_for_name(without_aims(problem))
+    return initial if same else None

@@ -177,15 +177,19 @@ def test_a_finished_part_is_returned_as_it_is(whole: Result, folder: Path) -> No
 
 def test_a_smaller_tolerance_goes_on_from_a_finished_part(whole: Result, tmp_path: Path) -> None:
     tighter = PartSettings(tolerance=2e-4)
-    again = ngspring.realise(whole.design.problem, whole.design, settings=tighter, threads=1)
+    again = ngspring.realise(PROBLEM, whole.design, settings=tighter, threads=1)
     assert again.message == ""
+    # It begins with what the part aimed at.
+    first = corrections_of(again.design.info)[0]
+    assert first.aims == corrections_of(whole.design.info)[-1].aims
+    assert first.update == 1
     assert again.history.rows()[0].correction == 0
     np.testing.assert_allclose(solid_curve(again.design), [2, -2], rtol=2.1e-4)
 
 
 def test_a_finished_design_is_not_evolved_again_before_its_first_correction() -> None:
-    design = ngspring.optimize(PROBLEM, threads=1).design
-    result = ngspring.realise(PROBLEM, design, settings=SETTINGS, threads=1)
+    design = ngspring.optimize(ONE, threads=1).design
+    result = ngspring.realise(ONE, design, settings=SETTINGS, threads=1)
     assert result.history.rows()[1].is_end
     assert result.message == ""
 
@@ -195,10 +199,10 @@ def test_a_finished_design_is_not_evolved_again_before_its_first_correction() ->
 
 def test_where_corrections_do_not_suffice_the_best_part_says_how_far_it_came() -> None:
     few = PartSettings(tolerance=1e-5, corrections=2)
-    result = ngspring.realise(PROBLEM, settings=few, threads=1)
+    result = ngspring.realise(ONE, settings=few, threads=1)
     found = corrections_of(result.design.info)
     assert len(found) == 3
-    best = min(found, key=lambda one: abs(one.worst(PROBLEM.control_points)))
+    best = min(found, key=lambda one: abs(one.worst(ONE.control_points)))
     assert result.design.solid == best.solid
     assert [p.q_star for p in result.design.problem.control_points] == list(best.aims)
     assert "after 2 corrections" in result.message
@@ -267,15 +271,15 @@ def test_the_command_makes_a_part_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("two.toml").write_text(PROBLEM.to_toml())
-    command = ["optimize", "two.toml", "--part", "--tolerance", "1", "--threads", "1", "--anyway"]
+    Path("one.toml").write_text(ONE.to_toml())
+    command = ["optimize", "one.toml", "--part", "--tolerance", "1", "--threads", "1", "--anyway"]
     output = invoke(*command).output
     assert "the solid after 0 corrections" in output
     assert "correction 1" in output
     assert "solid q [N]" in output
-    design = Design.load(Path("runs/two-part/design.npz"))
-    assert design.solid == pytest.approx([2, -2], rel=0.01)
-    assert "solid q [N]" in invoke("show", "runs/two-part").output
+    design = Design.load(Path("runs/one-part/design.npz"))
+    assert design.solid == pytest.approx([2.0], rel=0.01)
+    assert "solid q [N]" in invoke("show", "runs/one-part").output
 
 
 def test_options_of_parts_need_a_part(tmp_path: Path) -> None:
