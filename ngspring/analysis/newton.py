@@ -84,6 +84,8 @@ def newton(
     for iteration in range(1, max_iterations + 1):
         update = direction(u, state)
         length = 1.0 if longest is None else longest(u, update)
+        if length < smallest:
+            raise NewtonError(stuck)
         while True:
             step = Step(update, length, state, evaluate(u + length * update))
             if acceptable(step):

@@ -37,6 +37,8 @@ _ROUGH = 1e-4
 _PREDICTIONS = 8
 #: The last factors serve again after a step that left no more than this part of the forces.
 _EASY = 0.1
+#: No Newton step is longer than this, in sizes of the body.
+_FAR = 100.0
 #: Up to this `departure` of two points of a path the next one is guessed by a cubic, and looked for
 #: with the factors of the last one.
 _SMOOTH, _STRAIGHT = 5e-3, 1e-3
@@ -189,7 +191,9 @@ class ContactMechanics:
         while True:
             negative = self._factorize(tangent, shift)
             update = self._factors.roughly(-force)
-            if not negative and np.isfinite(update).all() and update @ force <= 0.0:
+            # Much further than the body is large is a tangent that is singular but for rounding.
+            near = float(np.abs(update).max(initial=0.0)) <= _FAR * self.size
+            if not negative and near and update @ force <= 0.0:
                 return update, shift
             shift = max(10 * shift, 1e-5)
             if shift > 1e4:
