@@ -263,7 +263,7 @@ def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float], message
 def test_the_report_tells_of_corrections_and_of_the_solid(whole: Result, folder: Path) -> None:
     page = report_page(ngspring.read_run(folder))
     assert "Corrections" in page
-    assert "carried by the solid" in page
+    assert "solid carries [N]" in page
     assert "third medium: asked [N]" in page
 
 
