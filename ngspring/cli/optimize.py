@@ -27,6 +27,7 @@ from ngspring.cli.options import (
 from ngspring.cli.progress import shown_progress
 from ngspring.cli.signals import INTERRUPTED
 from ngspring.cli.tables import design_lines, make_console, points_table
+from ngspring.design.corrections import MISSED
 from ngspring.design.design import Design
 from ngspring.design.gallery import UnknownDesignError, gallery
 from ngspring.design.soundness import flaw
@@ -189,6 +190,8 @@ def optimize_command(
     for line in [*design_lines(result.design), *lines]:
         click.echo(line)
     if result.converged:
+        if result.design.info.get(MISSED):
+            return unsound(flaw(result.design), "try more --corrections, or more elements")
         return unsound(flaw(result.design))
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1

@@ -39,11 +39,11 @@ def incomplete(message: str) -> int:
     return NOT_CONVERGED
 
 
-def unsound(flaw: str) -> int:
-    """Say on stderr why a design is no part, if it is none; the exit code."""
+def unsound(flaw: str, advice: str = "try more elements and a smaller l_i") -> int:
+    """Say on stderr why a design is no part, if it is none, and what to try; the exit code."""
     if not flaw:
         return OK
-    click.echo(f"converged, but {flaw}: try more elements and a smaller l_i", err=True)
+    click.echo(f"converged, but {flaw}: {advice}", err=True)
     return UNSOUND
 
 

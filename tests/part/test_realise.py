@@ -282,6 +282,17 @@ def test_the_command_makes_a_part_and_says_so(
     assert "solid q [N]" in invoke("show", "runs/one-part").output
 
 
+def test_a_part_that_misses_is_no_success_of_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("one.toml").write_text(ONE.to_toml())
+    command = ["optimize", "one.toml", "--part", "--tolerance", "0.001", "--corrections", "1"]
+    output = invoke(*command, "--threads", "1", "--anyway", code=4).output
+    assert "after 1 corrections the best solid carries" in output
+    assert "try more --corrections" in output
+
+
 def test_options_of_parts_need_a_part(tmp_path: Path) -> None:
     for option in ("--tolerance", "--corrections"):
         output = invoke("optimize", "C4", option, "1", "--out", tmp_path / "x", code=2).output
