@@ -26,8 +26,6 @@ class StepRule:
         ... and by this one after ``easy`` iterations or fewer.
     easy : int
         See above; 0 for the paper's rule.
-    easiest_growth : float
-        By this factor after a single iteration, unless ``easy`` is 0.
     shrink : float
         A failed update is repeated with dt divided by this.
     end : float
@@ -44,7 +42,6 @@ class StepRule:
     growth: float = 2.0
     easy_growth: float = 5.0
     easy: int = 3
-    easiest_growth: float = 25.0
     shrink: float = 4.0
     end: float = 1e20
     rest: float = 1e14
@@ -62,7 +59,7 @@ class StepRule:
         near.
         """
         if iterations <= self.easy and not rejected:
-            return dt * (self.easiest_growth if iterations <= 1 else self.easy_growth)
+            return dt * self.easy_growth
         return dt * self.growth if iterations < self.few else dt
 
 
