@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ngspring.basics.files import write_text
+from ngspring.basics.files import finite_or_none, write_text
 from ngspring.campaign.outcome import Outcome
 from ngspring.view.text import width_symbol
 
@@ -27,7 +27,7 @@ def record(outcome: Outcome) -> dict[str, Any]:
         "d": [point.d for point in points],
         "eta": [point.eta for point in points],
         "target": [point.q for point in points],
-        "q": list(outcome.q),
+        "q": [finite_or_none(q) for q in outcome.q],
         "worst_deviation": outcome.worst_deviation,
         "width": outcome.width,
         "width_symbol": width_symbol(outcome.run.problem),

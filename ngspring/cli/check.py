@@ -16,7 +16,7 @@ from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.basics.text import significant
 from ngspring.cli.options import FAILED, OK, UNSOUND, Finite, threads_option
 from ngspring.cli.tables import make_console
-from ngspring.design.corrections import MISSED, of_part, solid_deviations
+from ngspring.design.corrections import MISSED, worst_of_solid
 from ngspring.design.design import Design
 from ngspring.design.gallery import PART, gallery, parts
 from ngspring.design.soundness import flaw
@@ -116,7 +116,7 @@ def _faults_of_solid(design: Design, solid: FloatArray) -> list[str]:
     reasons = []
     if not np.allclose(solid, noted, rtol=_SAME_SOLID, atol=0.0, equal_nan=True):
         reasons.append("its solid (the forces are not those that are stored)")
-    far = float(np.abs(solid_deviations(points, solid.tolist())[of_part(points)]).max())
+    far = abs(worst_of_solid(points, solid.tolist()))
     if not far <= PartSettings().tolerance and not design.info.get(MISSED):
         reasons.append(f"its solid (off by up to {100 * far:.2f} %)")
     return reasons

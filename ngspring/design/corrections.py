@@ -52,8 +52,7 @@ class Correction:
 
     def worst(self, points: Sequence[ControlPoint]) -> float:
         """The deviation that is largest in size; NaN if a control point was not reached."""
-        far = self.deviations(points)[of_part(points)]
-        return float(far[np.argmax(np.abs(far))])
+        return worst_of_solid(points, self.solid)
 
     def to_note(self) -> dict[str, Any]:
         """In JSON types; None where the solid did not get."""
@@ -75,6 +74,12 @@ def solid_deviations(points: Iterable[ControlPoint], forces: Sequence[float]) ->
     sizes = target_sizes(targets)
     signs = np.where(targets == 0.0, 1.0, np.sign(targets))
     return np.asarray((np.asarray(forces, dtype=float) - targets) * signs / sizes)
+
+
+def worst_of_solid(points: Sequence[ControlPoint], forces: Sequence[float]) -> float:
+    """The one of the part that is largest in size; NaN if a control point was not reached."""
+    far = solid_deviations(points, forces)[of_part(points)]
+    return float(far[np.argmax(np.abs(far))])
 
 
 def target_sizes(targets: FloatArray) -> FloatArray:

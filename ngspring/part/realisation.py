@@ -24,8 +24,8 @@ from ngspring.design.corrections import (
     Correction,
     best_of,
     of_part,
-    solid_deviations,
     with_aims,
+    worst_of_solid,
 )
 from ngspring.design.design import Design
 from ngspring.design.history import History
@@ -116,9 +116,8 @@ def is_settled(design: Design, settings: PartSettings | None = None) -> bool:
     """Whether a design is the end of its corrections: its solid meets its targets, or cannot."""
     if design.solid is None or design.info.get(MISSED):
         return bool(design.info.get(MISSED))
-    points = design.problem.control_points
-    far = np.abs(solid_deviations(points, design.solid))[of_part(points)].max()
-    return bool(far <= (settings or PartSettings()).tolerance)
+    far = abs(worst_of_solid(design.problem.control_points, design.solid))
+    return far <= (settings or PartSettings()).tolerance
 
 
 def _missed(
@@ -243,4 +242,4 @@ class Realisation:
             missed += f"; then {self.evolution.message}"
         info |= {"q": list(q), "converged": True, MISSED: missed}
         design = Design(problem, chi.reshape(problem.coefficient_shape), history, info)
-        return Result(design, history, self.evolution.result.q * 0 + q, True, missed)
+        return Result(design, history, np.array(q), True, missed)

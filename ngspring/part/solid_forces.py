@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 
 from ngspring.analysis.states import force_at
@@ -13,8 +11,6 @@ from ngspring.design.corrections import of_part
 from ngspring.design.design import Design
 from ngspring.solid.contact.response import ContactSettings, contact_load_displacement
 from ngspring.solid.mesh.mesh_body import mesh_body
-
-logger = logging.getLogger(__name__)
 
 
 def solid_forces(
