@@ -280,7 +280,7 @@ def _problem(table: Mapping[str, Any], folder: Path) -> tuple[SpringProblem, str
     if not isinstance(robust, bool):
         raise ProblemError(f"robust = {shown(robust)} must be true or false")
     if not robust:
-        points = [point for point in problem.control_points if not point.eta]
+        points = [point for point in problem.control_points if point.own]
         problem = problem.replace(control_points=points)
     if "elements" in table:
         problem = on_mesh(problem, table["elements"])[0]

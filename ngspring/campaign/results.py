@@ -26,6 +26,7 @@ def record(outcome: Outcome) -> dict[str, Any]:
         "converged": outcome.converged,
         "d": [point.d for point in points],
         "eta": [point.eta for point in points],
+        "eta_odd": [point.eta_odd for point in points],
         "target": [point.q for point in points],
         "q": [finite_or_none(q) for q in outcome.q],
         "worst_deviation": outcome.worst_deviation,

@@ -156,7 +156,7 @@ def _results_table(outcomes: Iterable[Outcome]) -> Table:
     for outcome in outcomes:
         points = outcome.run.problem.control_points[: len(outcome.q)]
         forces = [
-            f"{significant(q, 5)}/{point.q:g}" + (" (η)" if point.eta else "")
+            f"{significant(q, 5)}/{point.q:g}" + ("" if point.own else " (η)")
             for q, point in zip(outcome.q, points, strict=True)
         ]
         worst = outcome.worst_deviation

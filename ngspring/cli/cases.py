@@ -30,7 +30,7 @@ def _cases_table(cases: Mapping[str, SpringProblem], stored: Collection[str]) ->
         table.add_column(column)
     for name, problem in cases.items():
         points = [
-            f"{point.d:+g}:{point.q:+g}" + (f" (robust, η = {point.eta:g})" if point.eta else "")
+            f"{point.d:+g}:{point.q:+g}" + ("" if point.own else f" (robust, {point.variant})")
             for point in problem.control_points
         ]
         mesh = f"{problem.elements} x {problem.elements}"

@@ -168,9 +168,7 @@ def add_check(
     reasons = []
     if not outcome.residual <= tolerance:
         reasons.append("residual")
-    judged = [
-        abs(dev) for dev, point in zip(outcome.deviation, points, strict=True) if point.eta == 0
-    ]
+    judged = [abs(dev) for dev, point in zip(outcome.deviation, points, strict=True) if point.own]
     if not all(dev <= force_tolerance for dev in judged):
         limit = f"{100 * force_tolerance:g} %"
         reasons.append(f"forces (off by up to {100 * max(judged):.3f} %, limit {limit})")
@@ -190,7 +188,7 @@ def add_check(
         "\n".join(significant(q, 6) for q in shown_forces),
         "\n".join(
             deviation_percent(float(q), point.q_star if solid is None else point.q)
-            + (f" (η = {point.eta:g})" if point.eta else "")
+            + (f" ({point.variant})" if point.variant else "")
             for q, point in zip(shown_forces, points, strict=True)
         ),
         ratio,

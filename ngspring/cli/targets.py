@@ -192,7 +192,7 @@ def _points_table(problem: SpringProblem) -> Table:
         table.add_row(
             f"{point.d:g}",
             f"{point.q:g}",
-            f"{point.eta:g}",
+            point.eta_text,
             significant(point.d / problem.H, 3, "+"),
             f"{point.q / problem.top_area:.4g}",
             f"{100 * point.q / block_force(problem, point.d):.3g} %",

@@ -62,7 +62,7 @@ class Correction:
 
 def of_part(points: Iterable[ControlPoint]) -> list[int]:
     """The control points that the part has to go through: those without an offset eta."""
-    return [j for j, point in enumerate(points) if not point.eta]
+    return [j for j, point in enumerate(points) if point.own]
 
 
 def solid_deviations(points: Iterable[ControlPoint], forces: Sequence[float]) -> FloatArray:

@@ -66,7 +66,7 @@ def flaw(design: Design, shares: Sequence[float] | None = None) -> str:
             f" {neck:.2f} or less"
         )
     noted = design.info.get("grey", ()) if shares is None else shares
-    places = [point.d for point in design.problem.control_points if not point.eta]
+    places = [point.d for point in design.problem.control_points if point.own]
     if len(noted) != len(places) or not max(noted, default=0.0) > LARGEST_SHARE:
         return ""
     share, d = max(zip(noted, places, strict=True))

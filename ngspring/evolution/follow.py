@@ -99,15 +99,22 @@ def moved_points(
             raise ProblemError(
                 f"a control point cannot move from d = {here.d:g} to {there.d:g} mm, through 0"
             )
+        if (here.eta_odd or there.eta_odd) and here.odd_in != there.odd_in:
+            raise ProblemError(
+                f"an imperfection in {there.odd_in} instead of {here.odd_in} cannot be followed to"
+            )
 
     def between(a: ControlPoint, b: ControlPoint, name: str) -> float:
         return float((1 - share) * getattr(a, name) + share * getattr(b, name))
 
     def moved(a: ControlPoint, b: ControlPoint) -> ControlPoint:
-        values = {name: between(a, b, name) for name in ("d", "q", "weight", "eta")}
-        if share in (0.0, 1.0) or a.aim == b.aim:
-            return ControlPoint(**values, aim=(b if share else a).aim)
-        return ControlPoint(**values, aim=between(a, b, "q_star"))
+        end = b if share else a
+        plain = share in (0.0, 1.0) or a.aim == b.aim
+        return dataclasses.replace(
+            end,
+            **{name: between(a, b, name) for name in ("d", "q", "weight", "eta", "eta_odd")},
+            aim=end.aim if plain else between(a, b, "q_star"),
+        )
 
     return tuple(moved(a, b) for a, b in pairs)
 

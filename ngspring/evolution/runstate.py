@@ -264,7 +264,7 @@ def _fits(curve: Curve, design: Design) -> bool:
     found = [
         abs(float(curve.q[index]) - force) / size
         for force, point in zip(forces, points, strict=True)
-        if not point.eta and (index := index_of(curve, point.d)) is not None
+        if point.own and (index := index_of(curve, point.d)) is not None
     ]
     return bool(found) and max(found) <= _SAME_FORCE
 

@@ -48,7 +48,7 @@ def corrected_aims(found: Sequence[Correction], points: Sequence[ControlPoint]) 
         targets[own],
     )
     for j, point in enumerate(points):
-        if point.eta:
+        if not point.own:
             corrected[j] = point.q * _factor(point, points, corrected)
     return np.asarray(corrected)
 
@@ -58,7 +58,7 @@ def _factor(point: ControlPoint, points: Sequence[ControlPoint], corrected: Floa
     same = [
         float(aim) / own.q
         for own, aim in zip(points, corrected, strict=True)
-        if not own.eta and own.d == point.d and own.q
+        if own.own and own.d == point.d and own.q
     ]
     return same[0] if same else 1.0
 

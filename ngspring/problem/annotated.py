@@ -112,4 +112,7 @@ def annotated_toml(
             lines.append(_line("aim", point.aim, "of the third medium, so that the part has q"))
         if point.eta:
             lines.append(_line("eta", point.eta, "the design dilated by l_i eta / 8"))
+        if point.eta_odd:
+            note = "the same here, and eroded at the mirror image"
+            lines += [_line("eta_odd", point.eta_odd, note), f'odd_in = "{point.odd_in}"']
     return "\n".join(lines) + "\n"

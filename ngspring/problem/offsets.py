@@ -1,24 +1,31 @@
-"""Control points for the same spring with its surfaces a little in or out (2.6, Appendix A).
+"""Control points for the same spring with its surfaces a little off (2.6, Appendix A).
 
 A surface that lies o mm further out is chi + 8 o / l_i, as far as chi has the slope 8 / l_i that
 the formulation allows (Eq. 11). A spring whose eroded and dilated twins carry nearly the same is
 one that manufacturing errors change little, has no wall that erosion would cut, and no gap that
-dilation would close.
+dilation would close. One that carries nearly the same with an imperfection that breaks its
+symmetries does not buckle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from ngspring.basics.checks import positive_number
+from ngspring.basics.checks import choice, positive_number
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.imperfection import ODD_IN
 from ngspring.problem.point import ControlPoint
 
 #: Weight of an eroded or dilated point relative to that of its target. Small: the curve of the
 #: design itself comes first; but large against the material, or walls would still be cut.
 SHARE_ROBUST, SHARE_WALL = 1e-4, 1e-4
-#: The keys of a problem's TOML file, in mm.
-OFFSET_KEYS = ("robust", "wall", "gap")
+#: The same of one with an imperfection: a spring that buckles misses by much.
+SHARE_IMPERFECT = 1e-2
+#: The keys of a problem's TOML file, in mm; and the one that says what kind the imperfection is of.
+OFFSET_KEYS = ("robust", "wall", "gap", "imperfection")
+ODD_KEY = "imperfection_odd_in"
 
 
 def with_offsets(
@@ -28,8 +35,10 @@ def with_offsets(
     robust: float | None = None,
     wall: float | None = None,
     gap: float | None = None,
+    imperfection: float | None = None,
+    odd_in: str = "xy",
 ) -> tuple[ControlPoint, ...]:
-    """Control points with eroded and dilated ones beside them.
+    """Control points with eroded, dilated and imperfect ones beside them.
 
     Parameters
     ----------
@@ -43,6 +52,11 @@ def with_offsets(
         Smallest wall in mm: the outermost targets with surfaces half of it further in.
     gap : float, optional
         Smallest gap in mm: the outermost targets with surfaces half of it further out.
+    imperfection : float, optional
+        The outermost target in compression (in tension, if there is none) with surfaces moved by
+        up to this many mm, in a pattern that breaks symmetries.
+    odd_in : {"xy", "x", "y"}
+        The axes in which that pattern is odd, see `ngspring.problem.imperfection`.
 
     Returns
     -------
@@ -55,18 +69,21 @@ def with_offsets(
         If a length is not a positive number, or a target would be there twice.
     """
     given = tuple(points)
-    own = [point for point in given if not point.eta]
-    outermost = [
-        max(side, key=lambda point: abs(point.d))
-        for side in ([p for p in own if p.d > 0], [p for p in own if p.d < 0])
-        if side
-    ]
-    wanted: dict[tuple[float, float], ControlPoint] = {}
+    own = [point for point in given if point.own]
+    outermost = _outermost(own)
+    wanted: dict[tuple[float, float, float, str], ControlPoint] = {}
 
-    def add(targets: Iterable[ControlPoint], offset: float, share: float) -> None:
+    def add(
+        targets: Iterable[ControlPoint], offset: float, share: float, odd_in: str | None = None
+    ) -> None:
         eta = 8 * offset / l_i
         for p in targets:
-            wanted.setdefault((p.d, eta), ControlPoint(p.d, p.q, share * p.weight, eta, p.aim))
+            point = dataclasses.replace(p, weight=share * p.weight)
+            if odd_in is None:
+                point = dataclasses.replace(point, eta=eta)
+            else:
+                point = dataclasses.replace(point, eta_odd=eta, odd_in=odd_in)
+            wanted.setdefault(point.place, point)
 
     if robust is not None:
         size = positive_number("robust", robust)
@@ -76,21 +93,38 @@ def with_offsets(
         add(outermost, -positive_number("wall", wall) / 2, SHARE_WALL)
     if gap is not None:
         add(outermost, positive_number("gap", gap) / 2, SHARE_WALL)
+    if imperfection is not None:
+        size = positive_number("imperfection", imperfection)
+        add(outermost[-1:], size, SHARE_IMPERFECT, choice(ODD_KEY, odd_in, ODD_IN))
     for point in given:
-        if (point.d, point.eta) in wanted:
+        if point.place in wanted:
             raise ProblemError(
-                f"the control point with d = {point.d:g} mm and eta = {point.eta:g} is given, and"
-                " asked for by robust, wall or gap: leave one of them out"
+                f"the control point with {point.words} is given, and"
+                f" asked for by {', '.join(OFFSET_KEYS[:-1])} or {OFFSET_KEYS[-1]}: leave one of"
+                " them out"
             )
     return (*given, *wanted.values())
 
 
-def taken_offsets(values: Mapping[str, object]) -> dict[str, float]:
-    """The keys of `OFFSET_KEYS` among those of a file, checked.
+def _outermost(points: Sequence[ControlPoint]) -> list[ControlPoint]:
+    """The outermost point in tension, and in compression, as far as there are any."""
+    sides = [p for p in points if p.d > 0], [p for p in points if p.d < 0]
+    return [max(side, key=lambda point: abs(point.d)) for side in sides if side]
+
+
+def taken_offsets(values: Mapping[str, object]) -> dict[str, Any]:
+    """Arguments of `with_offsets` from the keys of a file, checked.
 
     Raises
     ------
     ProblemError
-        If one is not a positive number.
+        If a length is not a positive number, or there is no such kind of imperfection.
     """
-    return {key: positive_number(key, values[key]) for key in OFFSET_KEYS if key in values}
+    taken: dict[str, Any] = {
+        key: positive_number(key, values[key]) for key in OFFSET_KEYS if key in values
+    }
+    if ODD_KEY in values:
+        if "imperfection" not in taken:
+            raise ProblemError(f"{ODD_KEY} is given without imperfection: say how large it is")
+        taken["odd_in"] = choice(ODD_KEY, values[ODD_KEY], ODD_IN)
+    return taken

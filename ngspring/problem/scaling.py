@@ -127,7 +127,7 @@ def target_stiffness(problem: SpringProblem) -> float:
 
     If there is none with eta = 0, or if all ask for no force, the others count, or 1.
     """
-    points = [p for p in problem.control_points if p.eta == 0.0] or problem.control_points
+    points = [p for p in problem.control_points if p.own] or problem.control_points
     secants = [abs(p.q) * problem.H / abs(p.d) for p in points if p.q != 0.0]
     return statistics.median(secants) if secants else 1.0
 

@@ -200,16 +200,18 @@ class SpringProblem:
         if len(points) > MOST_POINTS:
             right = f"at most {MOST_POINTS}: each costs as much as the first"
             raise refused("the number of control points", len(points), right)
-        first_with: dict[tuple[float, float], int] = {}
+        first_with: dict[tuple[float, float, float, str], int] = {}
         for i, point in enumerate(points):
             field = f"control_points[{i}]"
             if not isinstance(point, ControlPoint):
                 raise refused(field, point, "a ControlPoint(d, q)")
             if abs(point.d) >= self.H:
                 raise refused(f"{field}.d", point.d, f"smaller in size than H = {self.H}")
-            k = first_with.setdefault((point.d, point.eta), i)
+            if point.eta_odd and self.motion.axis and point.odd_in != "y":
+                raise refused(f"{field}.odd_in", point.odd_in, "'y' in a body of revolution")
+            k = first_with.setdefault(point.place, i)
             if k < i:
-                where = f"control_points[{k}] and [{i}] both have d = {point.d}, eta = {point.eta}"
+                where = f"control_points[{k}] and [{i}] both have {point.words}"
                 if point.q == points[k].q:
                     raise ProblemError(f"{where}, q = {point.q}: each point must be given once")
                 raise ProblemError(
@@ -233,7 +235,8 @@ class SpringProblem:
             _check_size("T", self.T, a / FARTHEST, a * FARTHEST)
         for i, point in enumerate(self.control_points):
             where = f"control_points[{i}]"
-            for name, unit in (("d", a), ("q", force), ("q_star", force), ("eta", 1.0)):
+            units = {"d": a, "q": force, "q_star": force, "eta": 1.0, "eta_odd": 1.0}
+            for name, unit in units.items():
                 value = getattr(point, name)
                 _check_size(f"{where}.{name}", value, unit / FARTHEST, unit * FARTHEST)
             unit = force**-2

@@ -41,9 +41,10 @@ from ngspring.basics.checks import finite_number, nearest, positive_number, refu
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import naming, read_text
 from ngspring.problem.curves.curve import read_curve
+from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.laws import with_material
 from ngspring.problem.material import MATERIAL_KEYS
-from ngspring.problem.offsets import OFFSET_KEYS, taken_offsets, with_offsets
+from ngspring.problem.offsets import ODD_KEY, OFFSET_KEYS, taken_offsets, with_offsets
 from ngspring.problem.point import ControlPoint
 
 if sys.version_info >= (3, 11):
@@ -61,7 +62,7 @@ _LONG_KEY = re.compile(
 )
 
 #: Keys that are not fields.
-FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets", *OFFSET_KEYS)
+FURTHER_KEYS = (*MATERIAL_KEYS, "w_q", "targets", *OFFSET_KEYS, ODD_KEY)
 #: What to take of a curve's file; handed on.
 _READING_KEYS = ("compression", "branch", "specimen", "quantities")
 _TARGETS_KEYS = ("file", "points", "at", *_READING_KEYS)
@@ -93,7 +94,9 @@ def write_fields(values: Fields) -> str:
 
 
 def _without_none(table: Fields) -> Fields:
-    return {key: value for key, value in table.items() if value is not None}
+    """A point without an imperfection has no kind of it either."""
+    without = () if table.get("eta_odd", 1.0) else ("eta_odd", "odd_in")
+    return {k: value for k, value in table.items() if value is not None and k not in without}
 
 
 def read(text_or_path: str | os.PathLike[str], parse: Callable[[str, Path], Parsed]) -> Parsed:
@@ -194,13 +197,17 @@ def parse_fields(
 
 
 def _offset(
-    points: Sequence[ControlPoint], values: Fields, described: type, offsets: Mapping[str, float]
+    points: Sequence[ControlPoint], values: Fields, described: type, offsets: Mapping[str, Any]
 ) -> Sequence[ControlPoint]:
-    """The points, with those that ``robust``, ``wall`` and ``gap`` add."""
+    """The points, with those that the keys of offsets and imperfections add."""
     if not offsets:
         return points
     defaults = {field.name: field.default for field in dataclasses.fields(described)}
     l_i = positive_number("l_i", values.get("l_i", defaults["l_i"]))
+    kinematics = KINEMATICS.get(str(values.get("kinematics", defaults["kinematics"])))
+    if "imperfection" in offsets and kinematics is not None and kinematics.axis:
+        # What turns about an axis can only be odd along it.
+        offsets = {"odd_in": "y", **offsets}
     return with_offsets(points, l_i, **offsets)
 
 

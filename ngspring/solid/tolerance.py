@@ -88,7 +88,7 @@ class Tolerance:
     @property
     def points(self) -> tuple[ControlPoint, ...]:
         """Control points of the blueprint design."""
-        return tuple(point for point in self.design.problem.control_points if not point.eta)
+        return tuple(point for point in self.design.problem.control_points if point.own)
 
     @property
     def nominal(self) -> OffsetCurve:
@@ -186,7 +186,7 @@ def tolerance(
             raise ProblemError(
                 f"offset {shown(offset)} must be a positive length in mm, less than L / 2"
             )
-    controls = [point.d for point in design.problem.control_points if not point.eta]
+    controls = [point.d for point in design.problem.control_points if point.own]
     wanted = sorted({0.0, *controls, *map(float, curve_displacements(design, points=points))})
     sizes = sorted(set(map(float, offsets)))
     nominal = outline(design)

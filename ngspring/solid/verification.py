@@ -94,7 +94,7 @@ class Verification:
                 point, force_at(self.third_medium, point.d), force_at(self.contact, point.d)
             )
             for point in self.design.problem.control_points
-            if not point.eta
+            if point.own
         )
 
     @property

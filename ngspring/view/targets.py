@@ -63,7 +63,7 @@ def targets_table(
 
 
 def _place(point: ControlPoint) -> tuple[str, str, str]:
-    return f"{point.d:g}", f"{point.eta:g}", f"{point.q:g}"
+    return f"{point.d:g}", point.eta_text, f"{point.q:g}"
 
 
 def _reached(q: float | None, target: float, missing: str) -> tuple[str, str]:

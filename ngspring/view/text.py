@@ -27,8 +27,8 @@ def width_symbol(problem: SpringProblem) -> str:
 
 
 def point_label(point: ControlPoint) -> str:
-    """Displacement of a control point, with the offset of chi if there is one."""
-    return f"d = {point.d:g} mm" + (f", η = {point.eta:g}" if point.eta else "")
+    """Displacement of a control point, with the offset or imperfection of chi if there is one."""
+    return f"d = {point.d:g} mm" + (f", {point.variant}" if point.variant else "")
 
 
 def signed_percent(share: float, digits: int) -> str:

@@ -159,7 +159,7 @@ class TargetCurve:
         points : iterable of ControlPoint
             Those of the design itself; ones with an eta are left out.
         """
-        chosen = [point for point in points if not point.eta]
+        chosen = [point for point in points if point.own]
         if len(chosen) >= len(self.d):
             return self.remarks
         return (

@@ -78,7 +78,7 @@ def check_targets(problem: SpringProblem) -> list[Finding]:
 
 def _blueprint(problem: SpringProblem) -> tuple[ControlPoint, ...]:
     """Control points of the design itself, in order of d; all of them if every one has an eta."""
-    points = [p for p in problem.control_points if p.eta == 0.0] or problem.control_points
+    points = [p for p in problem.control_points if p.own] or problem.control_points
     return tuple(sorted(points, key=lambda p: p.d))
 
 
