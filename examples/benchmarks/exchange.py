@@ -40,7 +40,7 @@ def nodal_values(system: CoupledSystem) -> sp.csr_matrix:
         (scalar.bubble_value, (place, np.arange(scalar.ndof))), shape=(scalar.ndof, scalar.ndof)
     )
     component = sp.kron(_values_on_a_line(nx), _values_on_a_line(ny)) @ heights
-    return sp.csr_matrix(sp.block_diag((component, component)) @ system.extraction_u)
+    return sp.csr_matrix(sp.block_diag((component, component)) @ system.images[0].copies[0].matrix)
 
 
 def parameters(problem: SpringProblem, dt: float) -> dict[str, object]:

@@ -18,8 +18,9 @@ from ngspring.analysis.newton import Step, newton
 from ngspring.analysis.path import Steps, extrapolated, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
-from ngspring.fem.constraints import displacement_extraction, stretched
+from ngspring.fem.constraints import stretched
 from ngspring.fem.grid import Grid, ScalarSpace
+from ngspring.fem.images import Image, Images, images
 from ngspring.fem.linear import make_factorization, multiply, symmetric, wants_upper
 from ngspring.fem.process import giving_memory_back, tasks
 from ngspring.fem.reduction import (
@@ -28,11 +29,14 @@ from ngspring.fem.reduction import (
     product_map,
     product_pattern,
     stored_values,
+    united,
 )
 from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.grey import grey_share
+from ngspring.physics.offset import OffsetField
 from ngspring.physics.void import VoidRegularisation, dx
+from ngspring.problem.imperfection import Offset
 from ngspring.problem.scaling import force_unit
 
 #: Up to this `departure` two points are taken for neighbours on a smooth path.
@@ -83,8 +87,9 @@ class Mechanics:
         Mesh and space; its grid's problem gives material and kinematics.
     chi : ngsolve.CoefficientFunction or array (ndof,)
         The design field: a formula, or H1 dofs.
-    eta : float
-        Offset added to chi (2.6).
+    offset : float or Offset
+        What is added to chi (2.6); with an imperfection two copies of a quarter are analysed, see
+        `ngspring.fem.images`.
     solver, threads
         See `ngspring.fem.linear.make_factorization`.
     """
@@ -108,7 +113,7 @@ class Mechanics:
         self,
         scalar: ScalarSpace,
         chi: ng.CoefficientFunction | FloatArray,
-        eta: float = 0.0,
+        offset: float | Offset = 0.0,
         solver: str = "auto",
         threads: int = 1,
     ) -> None:
@@ -117,13 +122,13 @@ class Mechanics:
         problem = grid.problem
         self.problem = problem
         self.force_unit = force_unit(problem)
-        self.displacement = displacement_extraction(scalar)
-        self.extraction = self.displacement.matrix
-        self._transposed = self.extraction.T.tocsr()
-        self.free = self.displacement.free
+        offset = Offset(offset) if not isinstance(offset, Offset) else offset
+        self.odd_in = offset.odd_in if offset.odd else ""
+        self.images: Images = images(scalar, self.odd_in)
+        self.free = self.images.free
         self.void = VoidRegularisation(scalar)
         self._field = ng.GridFunction(scalar.space)
-        self._eta = ng.Parameter(eta)
+        self._offset = OffsetField(problem, [self.odd_in] if self.odd_in else [])
         table = self.void.table
         if isinstance(chi, np.ndarray):
             field: ng.CoefficientFunction = self._field
@@ -137,7 +142,7 @@ class Mechanics:
         u = space.TrialFunction()
         energy = strain_energy(u, ng.Grad(u), problem)
         #: The design field with its offset, as an expression of NGSolve.
-        self.chi = field + self._eta
+        self.chi = field + self._offset.value
         scaled = stiffness(self.chi, problem) * energy
         self._form = ng.BilinearForm(space, symmetric=True)
         density = measure(problem) * scaled
@@ -147,21 +152,22 @@ class Mechanics:
         self._result = self._u.vec.CreateVector()
         with giving_memory_back():
             self._prepare(solver, threads)
-        self._set_points(at_points + eta)
+        self._set_points(at_points, offset)
 
     def _prepare(self, solver: str, threads: int) -> None:
         """Index maps from NGSolve's values to the tangent on the independent displacements."""
         with tasks():
             self._form.AssembleLinearization(self._u.vec)
         rows, columns = csr_pattern(self._form)
-        left = self.extraction
-        pattern = product_pattern(rows, columns, left, left)
-        self._map = product_map(rows, columns, left, left, pattern)
+        matrices = [copy.matrix for copy in self.images.copies]
+        pattern = united(product_pattern(rows, columns, P, P) for P in matrices)
+        self._maps = [product_map(rows, columns, P, P, pattern) for P in matrices]
         n = self.scalar.ndof
         table = self.void.table.dofs
         r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
         both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
-        self._void_map = product_map(*both, left, left, pattern)
+        self._void_maps = [product_map(*both, P, P, pattern) for P in matrices]
+        self._transposed = [P.T.tocsr() for P in matrices]
         rows, columns = pattern.rows, pattern.columns
         if wants_upper(solver):
             rows, columns = columns, rows
@@ -178,59 +184,93 @@ class Mechanics:
         self._top_rows = pattern.rows[self._top_entries]
         self._corner = int(np.searchsorted(pattern.keys, pattern.shape[0] * pattern.shape[1] - 1))
 
-    def _set_points(self, at_points: FloatArray) -> None:
-        self._at_points = at_points
+    def _set_points(self, chi_at_points: FloatArray, offset: Offset) -> None:
+        table, problem = self.void.table, self.problem
+        self._offsets = [offset.mirrored(copy.sign) for copy in self.images.copies]
+        self._offset.set(self._offsets[0])
+        self._at_points = [
+            chi_at_points + of_copy.at(table.x, table.y, problem.L, problem.H)
+            for of_copy in self._offsets
+        ]
         self._constant: FloatArray | None = None
         self._stiff_diagonal: FloatArray | None = None
 
     def _void_stiffness(self) -> FloatArray:
         """The void's part of the tangent, made when a tangent first needs it."""
         if self._constant is None:
-            element = self.void.stiffness(self._at_points).ravel()
-            self._constant = self._void_map @ np.concatenate([element, element])
+            self._constant = np.zeros(self._maps[0].shape[0])
+            for copy, at_points, void_map in zip(
+                self.images.copies, self._at_points, self._void_maps, strict=True
+            ):
+                element = self.void.stiffness(at_points).ravel()
+                self._constant += copy.share * (void_map @ np.concatenate([element, element]))
         return self._constant
 
-    def set_design(self, chi: FloatArray, eta: float) -> None:
-        """Replace the design (H1 dofs) and its offset; only if it was given as dofs before."""
+    def _load(self, k: int, field: FloatArray) -> Image:
+        """Give the form the displacements and the offset of a copy."""
+        self._u.vec.FV().NumPy()[:] = field
+        if len(self.images.copies) > 1:
+            self._offset.set(self._offsets[k])
+        return self.images.copies[k]
+
+    def _stiffness(self, fields: list[FloatArray]) -> FloatArray:
+        """Values of the tangent, both triangles, at a state of the copies."""
+        values: FloatArray = self._void_stiffness().copy()
+        for k, field in enumerate(fields):
+            copy = self._load(k, field)
+            with tasks():
+                self._form.AssembleLinearization(self._u.vec)
+            values += copy.share * (self._maps[k] @ stored_values(self._form))
+        return values
+
+    def set_design(self, chi: FloatArray, offset: Offset) -> None:
+        """Replace the design (H1 dofs) and its offset; only if it was given as dofs before.
+
+        The new offset is of the same kind as the one before.
+        """
         self._field.vec.FV().NumPy()[:] = chi
-        self._eta.Set(eta)
-        self._set_points(self.void.chi_at_points(chi) + eta)
+        self._set_points(self.void.chi_at_points(chi), offset)
 
     @property
     def size(self) -> float:
         """H in mm, which steps and updates are measured with."""
         return self.problem.H
 
-    def full_field(self, d: float, u: FloatArray) -> FloatArray:
-        """Dofs of the VectorH1 space (x component first)."""
-        return np.asarray(self.extraction @ np.append(u, d))
+    def fields(self, d: float, u: FloatArray) -> list[FloatArray]:
+        """Dofs of the VectorH1 space (x component first) of every copy."""
+        return self.images.fields(np.append(u, d))
 
-    def reduced(self, full: FloatArray) -> FloatArray:
-        """Forces on the dofs of the VectorH1 space as forces on the free displacements and u_Ty."""
-        return np.asarray(self._transposed @ full)
+    def full_field(self, d: float, u: FloatArray) -> FloatArray:
+        """Those of the first copy: all there is without an imperfection."""
+        return self.fields(d, u)[0]
 
     def energy(self, d: float, u: FloatArray) -> float:
         """Strain energy E of the whole spring in N mm (with the void's)."""
-        full = self.full_field(d, u)
-        self._u.vec.FV().NumPy()[:] = full
-        with tasks():
-            neo_hookean = float(self._form.Energy(self._u.vec))
-        return neo_hookean + 0.5 * float(full @ self.void.forces(self._at_points, full))
+        energy = 0.0
+        for k, field in enumerate(self.fields(d, u)):
+            copy = self._load(k, field)
+            with tasks():
+                of_law = float(self._form.Energy(self._u.vec))
+            of_void = 0.5 * float(field @ self.void.forces(self._at_points[k], field))
+            energy += copy.share * (of_law + of_void)
+        return energy
 
     def grey_share(self, d: float, u: FloatArray) -> float:
         """Share of the strain energy in material that is neither solid nor void."""
-        self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
+        self._load(0, self.full_field(d, u))
         mesh = self.scalar.grid.mesh
         return grey_share(self.chi, self._u, mesh, self.problem)
 
     def forces(self, d: float, u: FloatArray) -> FloatArray:
         """dE/d(u, d): forces on the free displacements, and q as the last entry."""
-        full = self.full_field(d, u)
-        self._u.vec.FV().NumPy()[:] = full
-        with tasks():
-            self._form.Apply(self._u.vec, self._result)
-        total = self._result.FV().NumPy() + self.void.forces(self._at_points, full)
-        return self.reduced(total)
+        forces: FloatArray = np.zeros(self.free + 1)
+        for k, field in enumerate(self.fields(d, u)):
+            copy = self._load(k, field)
+            with tasks():
+                self._form.Apply(self._u.vec, self._result)
+            total = self._result.FV().NumPy() + self.void.forces(self._at_points[k], field)
+            forces += copy.share * (self._transposed[k] @ total)
+        return forces
 
     def assemble(self, d: float, u: FloatArray, shift: float = 0.0) -> tuple[FloatArray, float]:
         """Assemble and factorise the tangent; returns its column of u_Ty and their corner.
@@ -242,10 +282,7 @@ class Mechanics:
         ConvergenceError
             If an entry is not finite or the factorisation fails.
         """
-        self._u.vec.FV().NumPy()[:] = self.full_field(d, u)
-        with tasks():
-            self._form.AssembleLinearization(self._u.vec)
-        values = self._map @ stored_values(self._form) + self._void_stiffness()
+        values = self._stiffness(self.fields(d, u))
         if not np.isfinite(values).all():
             raise ConvergenceError("the tangent has entries that are not finite")
         self._factorization.matrix.data[:] = values[self._inner_entries]
@@ -271,11 +308,13 @@ class Mechanics:
 
     @property
     def chi_at_points(self) -> FloatArray:
-        """chi + eta at the Gauss points, (elements, 9)."""
-        return self._at_points
+        """chi with its offset at the Gauss points, (elements, 9); of the first copy."""
+        return self._at_points[0]
 
     def second_derivative_at_rest(self, density: Callable[[CF, CF], CF]) -> sp.csr_matrix:
         """Second derivative of another energy than the strain energy, at the undeformed state.
+
+        Of a design without an imperfection.
 
         Parameters
         ----------
@@ -295,16 +334,12 @@ class Mechanics:
         with tasks():
             form.AssembleLinearization(self._u.vec)
         triangle = self._factorization.matrix.copy()
-        triangle.data = (self._map @ stored_values(form))[self._inner_entries]
+        triangle.data = (self._maps[0] @ stored_values(form))[self._inner_entries]
         return symmetric(triangle)
 
     def _diagonal_at_rest(self) -> FloatArray:
         if self._stiff_diagonal is None:
-            self._u.vec.FV().NumPy()[:] = 0.0
-            form = self._form
-            with tasks():
-                form.AssembleLinearization(self._u.vec)
-            values = self._map @ stored_values(form) + self._void_stiffness()
+            values = self._stiffness(self.fields(0.0, np.zeros(self.free)))
             self._stiff_diagonal = values[self._inner_entries[self._diagonal]]
         return self._stiff_diagonal
 
@@ -379,12 +414,12 @@ class Mechanics:
             The one whose tangent was assembled last.
         lam_top : float
             ``w (q - q_*)`` in N^-1.
-        load : array (2 ndof,), optional
+        load : array (free + 1,), optional
             Derivative by u of the terms of the objective that depend on displacements.
         """
         lam = point.tangent * lam_top
         if load is not None:
-            lam = lam - self.solve_linear(self.reduced(load)[:-1])
+            lam = lam - self.solve_linear(load[:-1])
         return np.append(lam, lam_top)
 
     def equilibrium(self, d: float, *guesses: FloatArray) -> Equilibrium:
@@ -479,4 +514,4 @@ class Mechanics:
 
     def uniform_stretch(self, d: float) -> FloatArray:
         """Free displacements of u = (0, y d / H)."""
-        return d * self.displacement.restrict(stretched(self.scalar))[:-1]
+        return d * self.images.restrict(stretched(self.scalar))

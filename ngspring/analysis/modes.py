@@ -212,7 +212,7 @@ class FullTangent:
         parity = []
         for axis, twin in enumerate(self._twins):
             image = np.where(np.arange(2)[:, None] == axis, -1.0, 1.0) * components[:, twin]
-            moved = self.body.displacement.restrict(image.ravel())[:-1]
+            moved = self.body.images.restrict(image.ravel())
             parity.append(float(product @ moved / (product @ v)))
         if self.scalar.grid.sector.half_width:
             parity[0] = 1.0

@@ -198,7 +198,7 @@ class _Analysis:
         """Mirror a state to the full domain and compute its lowest modes."""
         d, tangent = state.d, self.tangent
         field = mirrored(self.part, self.whole, self.quarter.full_field(d, state.u), d)
-        u = tangent.body.displacement.restrict(field)[:-1]
+        u = tangent.body.images.restrict(field)
         forces = tangent.body.forces(d, u)[:-1]
         imbalance = float(np.linalg.norm(forces)) / (abs(state.q) + self._small)
         values, vectors, negative = tangent.lowest(d, u, self.modes)

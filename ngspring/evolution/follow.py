@@ -14,6 +14,7 @@ import logging
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import barycentric_interpolate
@@ -110,11 +111,11 @@ def moved_points(
     def moved(a: ControlPoint, b: ControlPoint) -> ControlPoint:
         end = b if share else a
         plain = share in (0.0, 1.0) or a.aim == b.aim
-        return dataclasses.replace(
-            end,
-            **{name: between(a, b, name) for name in ("d", "q", "weight", "eta", "eta_odd")},
-            aim=end.aim if plain else between(a, b, "q_star"),
-        )
+        changes: dict[str, Any] = {
+            name: between(a, b, name) for name in ("d", "q", "weight", "eta", "eta_odd")
+        }
+        changes["aim"] = end.aim if plain else between(a, b, "q_star")
+        return dataclasses.replace(end, **changes)
 
     return tuple(moved(a, b) for a, b in pairs)
 

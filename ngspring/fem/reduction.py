@@ -7,6 +7,7 @@ one sparse matrix-vector product, and explicit zeros never change the pattern.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import ngsolve as ng
@@ -56,6 +57,15 @@ def product_pattern(
     shape = (left.shape[1], right.shape[1])
     keys = product.row.astype(np.int64) * shape[1] + product.col
     return Pattern(np.sort(keys), shape)
+
+
+def united(patterns: Iterable[Pattern]) -> Pattern:
+    """The places of all of these patterns, which have one shape."""
+    first, *others = patterns
+    keys = first.keys
+    for pattern in others:
+        keys = np.union1d(keys, pattern.keys)
+    return Pattern(keys, first.shape)
 
 
 def product_map(

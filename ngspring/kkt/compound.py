@@ -12,6 +12,7 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 
+from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.process import parallel
 from ngspring.kkt.start import initial_state
@@ -24,6 +25,7 @@ from ngspring.physics.lagrangian import (
     fields_with_displacements,
     internal_virtual_work,
 )
+from ngspring.physics.offset import OffsetField
 from ngspring.physics.terms import TERMS
 from ngspring.physics.void import dx, void_virtual_work
 from ngspring.problem.spring import SpringProblem
@@ -79,7 +81,9 @@ class CompoundState:
                 density = term.density(design_fields(chi), problem)
                 form += ng.Variation(measure(problem) * density * dx())
         for point, u, lam in zip(problem.control_points, fields[::2], fields[1::2], strict=True):
-            eta = ng.CF(point.eta)
+            offset = OffsetField(problem, [point.odd_in])
+            offset.set(point.offset)
+            eta = offset.value
             form += ng.Variation(internal_virtual_work(chi + eta, u, lam, problem) * dx())
             form += ng.Variation(void_virtual_work(chi + eta, u, lam, problem) * dx())
             form += ng.Variation(_of_force(point, lam, problem) * ng.ds("top"))
@@ -121,6 +125,8 @@ def compound_state(
 
     Raises
     ------
+    ProblemError
+        If a control point has an imperfection, and only a quarter is to be shown.
     ConvergenceError
         If a control point cannot be reached from the undeformed state.
 
@@ -133,6 +139,11 @@ def compound_state(
         fields.lagrangian().Energy(fields.state.vec)
     """
     problem = design.problem if domain is None else design.problem.replace(domain=domain)
+    if problem.sector.half_height and any(point.eta_odd for point in problem.control_points):
+        raise ProblemError(
+            "a control point with an imperfection has more than one field on the quarter: take the"
+            ' full domain (domain = "full")'
+        )
     with parallel(threads, problem) as count:
         system = CoupledSystem(problem, solver, count)
         if state is None:

@@ -20,6 +20,7 @@ from ngspring.basics.errors import ConvergenceError
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings, timed
+from ngspring.problem.imperfection import Offset
 from ngspring.problem.scaling import force_unit
 
 
@@ -42,15 +43,18 @@ class Elimination:
     def __init__(self, system: CoupledSystem) -> None:
         self.system = system
         self.iterations = 0
-        self._mechanics: Mechanics | None = None
+        self._mechanics: dict[str, Mechanics] = {}
 
-    def _body(self, chi: FloatArray, eta: float) -> Mechanics:
-        """The mechanics of a chi (dofs of the scalar space), dilated by eta."""
+    def _body(self, chi: FloatArray, offset: Offset) -> Mechanics:
+        """The mechanics of a chi (dofs of the scalar space) with an offset."""
         system = self.system
-        if self._mechanics is None:
-            self._mechanics = Mechanics(system.scalar, chi, eta, system.solver, system.threads)
-        self._mechanics.set_design(chi, eta)
-        return self._mechanics
+        kind = offset.odd_in if offset.odd else ""
+        body = self._mechanics.get(kind)
+        if body is None:
+            body = Mechanics(system.scalar, chi, offset, system.solver, system.threads)
+            self._mechanics[kind] = body
+        body.set_design(chi, offset)
+        return body
 
     @property
     def timings(self) -> Timings:
@@ -70,18 +74,20 @@ class Elimination:
         chi = system.extraction_chi @ new.chi
         u, lam = new.u.copy(), new.lam.copy()
         for j, point in enumerate(system.points):
-            body = self._body(chi, point.eta)
+            body = self._body(chi, point.offset)
+            old_u, new_u = old.u[j, : body.free], new.u[j, : body.free]
             scale = abs(point.q_star) + 1e-4 * force_unit(system.problem)
-            force = body.forces(point.d, new.u[j])
+            force = body.forces(point.d, new_u)
             # A NaN is an inverted element and fails this test.
             if np.linalg.norm(force[:-1]) <= self.THRESHOLD * scale:
                 continue
-            guess, force = self._admissible(body, point.d, old.u[j], new.u[j])
-            u[j], shape = self._balance(body, point.d, guess, force, self.ACCURACY * scale)
-            lam[j, :-1] = shape * lam[j, -1]
-            load = system.adjoint_load(chi, body.full_field(point.d, u[j]), j)
+            guess, force = self._admissible(body, point.d, old_u, new_u)
+            accuracy = self.ACCURACY * scale
+            u[j, : body.free], shape = self._balance(body, point.d, guess, force, accuracy)
+            lam[j, : body.free] = shape * lam[j, -1]
+            load = system.adjoint_load(chi, u[j, : body.free], j)
             if load is not None:
-                lam[j, :-1] -= body.solve_linear(body.reduced(load)[:-1])
+                lam[j, : body.free] -= body.solve_linear(load[:-1])
         return State(new.chi, u, lam)
 
     @staticmethod

@@ -5,6 +5,8 @@ All patterns and index maps of a mesh, built once: an iteration only multiplies 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ngspring.basics.arrays import FloatArray, IntArray
+from ngspring.fem.images import Images
 from ngspring.fem.reduction import (
     Pattern,
     csr_pattern,
@@ -19,6 +22,7 @@ from ngspring.fem.reduction import (
     product_pattern,
     scatter_map,
     stored_values,
+    united,
 )
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.void import VoidBlocks
@@ -27,17 +31,168 @@ from ngspring.physics.void import VoidBlocks
 Piece: TypeAlias = tuple[str, int]
 
 
+@dataclass(frozen=True)
+class StoredEntries:
+    """Places of the stored values of a control point's form, block by block.
+
+    Attributes
+    ----------
+    entries : dict
+        Name of a block, and which stored values it consists of.
+    places : dict
+        Rows and columns of these, within the block.
+    void : dict
+        Rows and columns of the entries of the void's element matrices.
+    lam_unit : float
+        Unit of lam of the form's values.
+    """
+
+    entries: dict[str, IntArray]
+    places: dict[str, tuple[IntArray, IntArray]]
+    void: dict[str, tuple[IntArray, IntArray]]
+    lam_unit: float
+
+    @classmethod
+    def of(cls, form: ControlPointForm) -> StoredEntries:
+        """Those of an assembled form."""
+        n = form.ndof
+        rows, columns = csr_pattern(form.form)
+        block_row = np.searchsorted([n, 3 * n], rows, side="right").astype(np.int8)
+        block_column = np.searchsorted([n, 3 * n], columns, side="right").astype(np.int8)
+        first = (0, n, 3 * n)
+        entries: dict[str, IntArray] = {}
+        places: dict[str, tuple[IntArray, IntArray]] = {}
+        for name, (i, j) in _BLOCKS.items():
+            found = np.flatnonzero((block_row == i) & (block_column == j))
+            entries[name] = found.astype(np.int32)
+            places[name] = rows[found] - first[i], columns[found] - first[j]
+        if not all(map(np.array_equal, places["u_u"], places["u_lam"])):
+            raise AssertionError("the stored patterns of u-u and u-lam differ")
+        table = form.void.table.dofs
+        r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        twice, both = np.concatenate([r, r]), np.concatenate([c, c + n])
+        of_u = np.concatenate([r, r + n]), both
+        void = {"chi_chi": (r, c), "chi_u": (twice, both), "chi_lam": (twice, both), "u_lam": of_u}
+        return cls(entries, places, void, form.lam_unit)
+
+
+#: Blocks of the form's own matrix by chi, u and lam.
+_BLOCKS = {"chi_chi": (0, 0), "chi_u": (0, 1), "chi_lam": (0, 2), "u_lam": (1, 2), "u_u": (1, 1)}
+
+
+class PointMaps:
+    """Patterns and index maps of the blocks of control points that analyse the same copies.
+
+    Parameters
+    ----------
+    stored : StoredEntries
+    chi : scipy.sparse.csr_matrix
+        Dofs <- spline coefficients.
+    copies : Images
+    """
+
+    def __init__(self, stored: StoredEntries, chi: sp.csr_matrix, copies: Images) -> None:
+        self._stored = stored
+        self.free = free = copies.free
+        self.patterns: dict[str, Pattern] = {}
+        self._maps: dict[str, list[sp.csr_matrix]] = {}
+        self._void_maps: dict[str, sp.csr_matrix] = {}
+        matrices = [copy.matrix for copy in copies.copies]
+        inner = [P[:, :free].tocsr() for P in matrices]
+        self._share = [copy.share for copy in copies.copies]
+        for name, left, right in (
+            ("chi_u", [chi] * len(inner), inner),
+            ("chi_lam", [chi] * len(inner), matrices),
+            # The u-u block has the pattern of the u-lam block, and goes through the same map.
+            ("u_lam", matrices, matrices),
+        ):
+            r, c = stored.places[name]
+            pairs = list(zip(left, right, strict=True))
+            pattern = united(product_pattern(r, c, *pair) for pair in pairs)
+            self.patterns[name] = pattern
+            self._maps[name] = [product_map(r, c, *pair, pattern) for pair in pairs]
+            self._void_maps[name] = scatter_map(r, c, right[0].shape[0], *stored.void[name])
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Which values of the blocks are those of u_Ty, and of the lower triangle."""
+        free = self.free
+        chi_u, chi_lam, ul = (self.patterns[name] for name in ("chi_u", "chi_lam", "u_lam"))
+        top_column = chi_lam.columns == free
+        self.chi_top, self.chi_inner = _places(top_column), _places(~top_column)
+        if not (
+            np.array_equal(chi_lam.rows[self.chi_inner], chi_u.rows)
+            and np.array_equal(chi_lam.columns[self.chi_inner], chi_u.columns)
+        ):
+            raise AssertionError("the patterns of u and lam differ")
+        self.inner = _places((ul.rows < free) & (ul.columns < free))
+        self.inner_lower = _places(ul.columns[self.inner] <= ul.rows[self.inner])
+        self.top = _places((ul.rows == free) & (ul.columns < free))
+
+    def pieces(self, start: int) -> dict[str, tuple[IntArray, IntArray]]:
+        """Rows and columns in the lower triangle of the whole, for a point that starts at a row."""
+        chi_u, chi_lam, ul = (self.patterns[name] for name in ("chi_u", "chi_lam", "u_lam"))
+        rows, columns = ul.rows[self.inner], ul.columns[self.inner]
+        lower_rows, lower_columns = rows[self.inner_lower], columns[self.inner_lower]
+        of_top = ul.columns[self.top]
+        a, b, top = start, start + self.free, start + 2 * self.free
+
+        def on_top(columns: IntArray) -> tuple[IntArray, IntArray]:
+            return np.full(len(columns), top), columns
+
+        return {
+            "a_chi": (chi_u.columns + a, chi_u.rows),
+            "b_chi": (chi_u.columns + b, chi_u.rows),
+            "a_a": (lower_rows + a, lower_columns + a),
+            "b_a": (rows + b, columns + a),
+            "b_b": (lower_rows + b, lower_columns + b),
+            "top_chi": on_top(chi_lam.rows[self.chi_top]),
+            "top_a": on_top(of_top + a),
+            "top_b": on_top(of_top + b),
+            "top_top": on_top(np.array([top])),
+        }
+
+    def block(self, name: str, k: int, values: FloatArray, void: VoidBlocks) -> FloatArray:
+        """The part of copy k in a block, on the independent unknowns.
+
+        Parameters
+        ----------
+        name : {"chi_u", "chi_lam", "u_u", "u_lam"}
+        k : int
+        values : array
+            Stored values of the control point's form.
+        void : VoidBlocks
+        """
+        share = self._share[k]
+        stored = values[self._stored.entries[name]]
+        if name == "u_u":
+            return np.asarray(share * (self._maps["u_lam"][k] @ stored)[self.inner])
+        if name.endswith("_lam"):
+            stored /= self._stored.lam_unit
+        if name == "u_lam":
+            stiffness = void.stiffness.ravel()
+            element = np.concatenate([stiffness, stiffness])
+        else:
+            element = getattr(void, name).ravel()
+        stored += self._void_maps[name] @ element
+        return np.asarray(share * (self._maps[name][k] @ stored))
+
+    def share(self, k: int) -> float:
+        """Part of the measure that copy k stands for."""
+        return self._share[k]
+
+
 class BlockMaps:
-    """Patterns and index maps of the blocks of one control point, and of the whole.
+    """From the values of forms to a triangle of the coupled matrix.
 
     Parameters
     ----------
     form, design : ControlPointForm, DesignForm
         Assembled at least once, so that their patterns exist.
-    extraction_chi, extraction_u : sparse matrices
-        Dofs <- unknowns; the last column of the second one is u_Ty.
-    points : int
-        Number of control points.
+    extraction_chi : sparse matrix
+        Dofs <- unknowns.
+    copies : sequence of Images
+        Of every control point.
     upper : bool
         Which triangle the linear solver wants.
 
@@ -53,131 +208,41 @@ class BlockMaps:
         form: ControlPointForm,
         design: DesignForm,
         extraction_chi: sp.csr_matrix,
-        extraction_u: sp.csr_matrix,
-        points: int,
+        copies: Sequence[Images],
         upper: bool,
     ) -> None:
-        self._lam_unit = form.lam_unit
-        chi, u = extraction_chi, extraction_u
-        n = chi.shape[0]
-        free = u.shape[1] - 1
-        inner_u = u[:, :free].tocsr()
-        rows, columns = csr_pattern(form.form)
-        block_row = np.searchsorted([n, 3 * n], rows, side="right").astype(np.int8)
-        block_column = np.searchsorted([n, 3 * n], columns, side="right").astype(np.int8)
-        table = form.void.table.dofs
-        void_rows, void_columns = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
-        both_rows = np.concatenate([void_rows, void_rows + n])
-        both_columns = np.concatenate([void_columns, void_columns + n])
-        chi_rows = np.concatenate([void_rows, void_rows])
+        chi = extraction_chi
+        self._stored = stored = StoredEntries.of(form)
+        r, c = stored.places["chi_chi"]
+        # Symmetric, and the largest map by far: half of it is enough.
+        self._pattern = pattern = product_pattern(r, c, chi, chi).lower
+        self._map = product_map(r, c, chi, chi, pattern)
+        self._void_map = scatter_map(r, c, chi.shape[0], *stored.void["chi_chi"])
+        self.chi_diagonal = _places(pattern.columns == pattern.rows)
+        self._take_design(design)
+        maps = {kind: PointMaps(stored, chi, kind) for kind in dict.fromkeys(copies)}
+        self._points = [maps[kind] for kind in copies]
+        self._place_pieces(chi.shape[1], upper)
 
-        self._entries: dict[str, IntArray] = {}
-        self._maps: dict[str, sp.csr_matrix] = {}
-        self._void_maps: dict[str, sp.csr_matrix] = {}
-        patterns: dict[str, Pattern] = {}
-        first = (0, n, 3 * n)
-
-        def add(
-            name: str,
-            blocks: tuple[int, int],
-            left: sp.csr_matrix,
-            right: sp.csr_matrix,
-            void_entries: tuple[IntArray, IntArray] | None,
-        ) -> None:
-            entries = np.flatnonzero((block_row == blocks[0]) & (block_column == blocks[1]))
-            r = rows[entries] - first[blocks[0]]
-            c = columns[entries] - first[blocks[1]]
-            pattern = product_pattern(r, c, left, right)
-            if name == "chi_chi":
-                # Symmetric, and the largest map by far: half of it is enough.
-                pattern = pattern.lower
-            patterns[name] = pattern
-            self._entries[name] = entries.astype(np.int32)
-            self._maps[name] = product_map(r, c, left, right, pattern)
-            if void_entries is not None:
-                self._void_maps[name] = scatter_map(r, c, right.shape[0], *void_entries)
-
-        add("chi_chi", (0, 0), chi, chi, (void_rows, void_columns))
-        add("chi_u", (0, 1), chi, inner_u, (chi_rows, both_columns))
-        add("chi_lam", (0, 2), chi, u, (chi_rows, both_columns))
-        add("u_lam", (1, 2), u, u, (both_rows, both_columns))
-        # The u-u block has the pattern of the u-lam block, and goes through the same map.
-        entries = np.flatnonzero((block_row == 1) & (block_column == 1))
-        like = self._entries["u_lam"]
-        if not (
-            np.array_equal(rows[entries], rows[like])
-            and np.array_equal(columns[entries], columns[like] - 2 * n)
-        ):
-            raise AssertionError("the stored patterns of u-u and u-lam differ")
-        self._entries["u_u"] = entries.astype(np.int32)
-
-        # The forms of C_chi live on the same pattern as the chi-chi block.
-        chi_entries = self._entries["chi_chi"]
-        for form_of_chi in (design.nonlinear, design.transient, *design.quadratic):
-            r, c = csr_pattern(form_of_chi)
-            if not (
-                np.array_equal(r, rows[chi_entries]) and np.array_equal(c, columns[chi_entries])
-            ):
+    def _take_design(self, design: DesignForm) -> None:
+        """What of C_chi never changes; its forms live on the pattern of the chi-chi block."""
+        for form in (design.nonlinear, design.transient, *design.quadratic):
+            if not all(map(np.array_equal, csr_pattern(form), self._stored.places["chi_chi"])):
                 raise AssertionError("the patterns of the forms of chi differ")
-        reduction = self._maps["chi_chi"]
-        self._transient = reduction @ stored_values(design.transient)
-        quadratic = [reduction @ stored_values(form) for form in design.quadratic]
+        self._transient = self._map @ stored_values(design.transient)
+        quadratic = [self._map @ stored_values(form) for form in design.quadratic]
         self._quadratic = sum(quadratic, np.zeros_like(self._transient))
-        self._arrange(patterns, chi.shape[1], free, points, upper)
 
-    def _arrange(
-        self, patterns: dict[str, Pattern], nc: int, free: int, points: int, upper: bool
-    ) -> None:
-        """Where each block's values go in a triangle of the whole."""
-        top_column = patterns["chi_lam"].columns == free
-        self.chi_top = _places(top_column)
-        chi_inner = _places(~top_column)
-        chi_u, chi_lam = patterns["chi_u"], patterns["chi_lam"]
-        if not (
-            np.array_equal(chi_lam.rows[chi_inner], chi_u.rows)
-            and np.array_equal(chi_lam.columns[chi_inner], chi_u.columns)
-        ):
-            raise AssertionError("the patterns of u and lam differ")
-        self.chi_inner = chi_inner
-        ul = patterns["u_lam"]
-        self.inner = _places((ul.rows < free) & (ul.columns < free))
-        uu_rows, uu_columns = ul.rows[self.inner], ul.columns[self.inner]
-        self.inner_lower = _places(uu_columns <= uu_rows)
-        self.top = _places((ul.rows == free) & (ul.columns < free))
-        cc = patterns["chi_chi"]
-        self.chi_diagonal = _places(cc.columns == cc.rows)
-
-        self._place_pieces(patterns, nc, free, points, upper)
-
-    def _place_pieces(
-        self, patterns: dict[str, Pattern], nc: int, free: int, points: int, upper: bool
-    ) -> None:
+    def _place_pieces(self, coefficients: int, upper: bool) -> None:
         """Rows and columns of every piece of the lower triangle, whose transpose has its values."""
-        cc, ul = patterns["chi_chi"], patterns["u_lam"]
-        chi_u, chi_lam = patterns["chi_u"], patterns["chi_lam"]
-        uu_rows, uu_columns = ul.rows[self.inner], ul.columns[self.inner]
-        lower_rows, lower_columns = uu_rows[self.inner_lower], uu_columns[self.inner_lower]
-        of_top = ul.columns[self.top]
-        pieces: dict[Piece, tuple[IntArray, IntArray]] = {("chi_chi", 0): (cc.rows, cc.columns)}
-        for j in range(points):
-            a = nc + j * (2 * free + 1)
-            b, top = a + free, a + 2 * free
-
-            def on_top(columns: IntArray, top: int = top) -> tuple[IntArray, IntArray]:
-                return np.full(len(columns), top), columns
-
-            pieces |= {
-                ("a_chi", j): (chi_u.columns + a, chi_u.rows),
-                ("b_chi", j): (chi_u.columns + b, chi_u.rows),
-                ("a_a", j): (lower_rows + a, lower_columns + a),
-                ("b_a", j): (uu_rows + b, uu_columns + a),
-                ("b_b", j): (lower_rows + b, lower_columns + b),
-                ("top_chi", j): on_top(chi_lam.rows[self.chi_top]),
-                ("top_a", j): on_top(of_top + a),
-                ("top_b", j): on_top(of_top + b),
-                ("top_top", j): on_top(np.array([top])),
-            }
-        self._store(pieces, nc + points * (2 * free + 1), upper)
+        pieces: dict[Piece, tuple[IntArray, IntArray]] = {
+            ("chi_chi", 0): (self._pattern.rows, self._pattern.columns)
+        }
+        start = coefficients
+        for j, maps in enumerate(self._points):
+            pieces |= {(name, j): places for name, places in maps.pieces(start).items()}
+            start += 2 * maps.free + 1
+        self._store(pieces, start, upper)
 
     def _store(
         self, pieces: dict[Piece, tuple[IntArray, IntArray]], size: int, upper: bool
@@ -212,9 +277,13 @@ class BlockMaps:
         """
         self.triangle.data[self._place[name, j]] = values
 
+    def add(self, name: str, values: FloatArray, j: int) -> None:
+        """Add to a piece of the triangle, see `write`."""
+        self.triangle.data[self._place[name, j]] += values
+
     def write_control_point(
         self,
-        j: int,
+        copy: tuple[int, int],
         stored: FloatArray,
         void: VoidBlocks,
         weight: float,
@@ -224,7 +293,9 @@ class BlockMaps:
 
         Parameters
         ----------
-        j : int
+        copy : tuple of int
+            Which control point, and which of the copies that it analyses: the first one is
+            written, others are added.
         stored : array
             Stored values of the control point's form.
         void : VoidBlocks
@@ -239,24 +310,36 @@ class BlockMaps:
             Its part of the chi-chi block, not scaled.
         """
         t, s, r = scales
+        j, k = copy
+        maps = self._points[j]
+
+        def put(name: str, values: FloatArray) -> None:
+            (self.add if k else self.write)(name, values, j)
+
+        def block(name: str) -> FloatArray:
+            return maps.block(name, k, stored, void)
+
         # One after the other, so that little is held at a time.
-        chi_u, chi_lam = self.block("chi_u", stored, void), self.block("chi_lam", stored, void)
-        self.write("top_chi", (r * t) * chi_lam[self.chi_top], j)
+        chi_u, chi_lam = block("chi_u"), block("chi_lam")
+        put("top_chi", (r * t) * chi_lam[maps.chi_top])
         chi_u *= t
-        chi_lam = (t * s) * chi_lam[self.chi_inner]
-        self.write("a_chi", chi_u + chi_lam, j)
-        self.write("b_chi", chi_u - chi_lam, j)
+        chi_lam = (t * s) * chi_lam[maps.chi_inner]
+        put("a_chi", chi_u + chi_lam)
+        put("b_chi", chi_u - chi_lam)
         del chi_u, chi_lam
-        bb, kk = self.block("u_u", stored, void), self.block("u_lam", stored, void)
-        bb_lower = bb[self.inner_lower]
-        kk_lower = (2 * s) * kk[self.inner][self.inner_lower]
-        self.write("a_a", bb_lower + kk_lower, j)
-        self.write("b_a", bb, j)
-        self.write("b_b", bb_lower - kk_lower, j)
-        self.write("top_a", r * kk[self.top], j)
-        self.write("top_b", r * kk[self.top], j)
+        bb, kk = block("u_u"), block("u_lam")
+        bb_lower = bb[maps.inner_lower]
+        kk_lower = (2 * s) * kk[maps.inner][maps.inner_lower]
+        put("a_a", bb_lower + kk_lower)
+        put("b_a", bb)
+        put("b_b", bb_lower - kk_lower)
+        put("top_a", r * kk[maps.top])
+        put("top_b", r * kk[maps.top])
+        # q is eliminated once, and not for every copy.
         self.write("top_top", np.array([-(r**2) / weight]), j)
-        return self.block("chi_chi", stored, void)
+        own = stored[self._stored.entries["chi_chi"]]
+        own += self._void_map @ void.chi_chi.ravel()
+        return np.asarray(maps.share(k) * (self._map @ own))
 
     def diagonal(self) -> FloatArray:
         """Diagonal of the assembled matrix."""
@@ -264,32 +347,8 @@ class BlockMaps:
 
     def design(self, form: DesignForm, chi: FloatArray, dt: float) -> FloatArray:
         """Second derivative of C_chi on the lower triangle's chi-chi pattern."""
-        values = self._maps["chi_chi"] @ form.tangent_nonlinear(chi) + self._quadratic
+        values = self._map @ form.tangent_nonlinear(chi) + self._quadratic
         return np.asarray(values + self._transient / dt if np.isfinite(dt) else values)
-
-    def block(self, name: str, values: FloatArray, void: VoidBlocks) -> FloatArray:
-        """A block of one control point on the independent unknowns.
-
-        Parameters
-        ----------
-        name : {"chi_chi", "chi_u", "chi_lam", "u_u", "u_lam"}
-        values : array
-            Stored values of the control point's form.
-        void : VoidBlocks
-        """
-        if name == "u_u":
-            b = self._maps["u_lam"] @ values[self._entries["u_u"]]
-            return np.asarray(b[self.inner])
-        stored = values[self._entries[name]]
-        if name.endswith("_lam"):
-            stored /= self._lam_unit
-        if name == "u_lam":
-            stiffness = void.stiffness.ravel()
-            element = np.concatenate([stiffness, stiffness])
-        else:
-            element = getattr(void, name).ravel()
-        stored += self._void_maps[name] @ element
-        return np.asarray(self._maps[name] @ stored)
 
 
 def _places(where: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -16,6 +16,7 @@ from ngspring.design.design import Design
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import timed
+from ngspring.problem.imperfection import Offset
 from ngspring.problem.spring import SpringProblem
 
 Start = Design | Callable[[FloatArray, FloatArray], Any]
@@ -48,14 +49,14 @@ def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics],
         If a load path ends before its control point.
     """
     full = system.extraction_chi @ chi
-    mechanics: dict[float, Mechanics] = {}
-    reached: dict[tuple[float, float], Equilibrium] = {}
-    for eta in dict.fromkeys(point.eta for point in system.points):
-        body = Mechanics(system.scalar, full, eta, system.solver, system.threads)
-        mechanics[eta] = body
+    mechanics: dict[Offset, Mechanics] = {}
+    reached: dict[tuple[Offset, float], Equilibrium] = {}
+    for offset in dict.fromkeys(point.offset for point in system.points):
+        body = Mechanics(system.scalar, full, offset, system.solver, system.threads)
+        mechanics[offset] = body
         for sign in (1.0, -1.0):
             targets = sorted(
-                {p.d for p in system.points if p.eta == eta and p.d * sign > 0}, key=abs
+                {p.d for p in system.points if p.offset == offset and p.d * sign > 0}, key=abs
             )
             if not targets:
                 continue
@@ -66,9 +67,9 @@ def equilibria(system: CoupledSystem, chi: FloatArray) -> tuple[list[Mechanics],
                 raise ConvergenceError(message)
             for equilibrium in path:
                 if equilibrium.d in targets:
-                    reached[eta, equilibrium.d] = body.refined(equilibrium)
-    bodies = [mechanics[point.eta] for point in system.points]
-    return bodies, [reached[point.eta, point.d] for point in system.points]
+                    reached[offset, equilibrium.d] = body.refined(equilibrium)
+    bodies = [mechanics[point.offset] for point in system.points]
+    return bodies, [reached[point.offset, point.d] for point in system.points]
 
 
 @timed("path")
@@ -97,12 +98,12 @@ def state_near(system: CoupledSystem, state: State) -> State:
     """
     full = system.extraction_chi @ state.chi
     bodies = {
-        eta: Mechanics(system.scalar, full, eta, system.solver, system.threads)
-        for eta in dict.fromkeys(point.eta for point in system.points)
+        offset: Mechanics(system.scalar, full, offset, system.solver, system.threads)
+        for offset in dict.fromkeys(point.offset for point in system.points)
     }
-    mechanics = [bodies[point.eta] for point in system.points]
+    mechanics = [bodies[point.offset] for point in system.points]
     points = [
-        body.refined(body.equilibrium(control.d, u))
+        body.refined(body.equilibrium(control.d, u[: body.free]))
         for body, control, u in zip(mechanics, system.points, state.u, strict=True)
     ]
     return _with_adjoints(system, state.chi, mechanics, points)
@@ -115,8 +116,8 @@ def _with_adjoints(
     full = system.extraction_chi @ chi
     lam = []
     for j, (body, point, control) in enumerate(zip(bodies, points, system.points, strict=True)):
-        load = system.adjoint_load(full, body.full_field(point.d, point.u), j)
+        load = system.adjoint_load(full, point.u, j)
         if load is not None:
             body.assemble(point.d, point.u)
         lam.append(body.adjoint(point, control.weight * (point.q - control.q_star), load))
-    return State(np.array(chi), np.array([p.u for p in points]), np.array(lam))
+    return State(np.array(chi), *system.padded([p.u for p in points], lam))

@@ -21,7 +21,8 @@ class State:
     u : array (control points, free)
         Free displacements in mm.
     lam : array (control points, free + 1)
-        Adjoint displacements in N^-1; the last one, lam_Ty, is ``w (q - q_*)``.
+        Adjoint displacements in N^-1; the last one, lam_Ty, is ``w (q - q_*)``. A control point
+        with an imperfection has more free displacements; where others have none there is 0.
     """
 
     chi: FloatArray

@@ -61,9 +61,10 @@ def grey_shares(system: CoupledSystem, state: State) -> tuple[float, ...]:
     u = ng.GridFunction(ng.VectorH1(mesh, order=2))
     chi.vec.FV().NumPy()[:] = system.extraction_chi @ state.chi
     shares = []
-    for point, free in zip(system.points, state.u, strict=True):
-        if not point.eta:
-            u.vec.FV().NumPy()[:] = system.extraction_u @ np.append(free, point.d)
+    for j, point in enumerate(system.points):
+        if point.own:
+            ndof = system.scalar.ndof
+            u.vec.FV().NumPy()[:] = system.control_point_vector(state, j)[ndof : 3 * ndof]
             shares.append(grey_share(chi, u, mesh, system.problem))
     return tuple(shares)
 

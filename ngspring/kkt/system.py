@@ -5,18 +5,23 @@ and multipliers lam (with lam_Ty last, which stands for q, see `State`). Each co
 to chi only, so the matrix is arrow-shaped. With ``u = a + b``, ``lam = s (a - b)`` the blocks of
 a control point, ``[[B, K], [K, 0]]``, become ``[[B + 2 s K, B], [B, B - 2 s K]]``: definite on
 either side while K is, so that a symmetric factorisation needs no pivoting (design notes, 5).
+
+A control point with an imperfection has about twice as many displacements, those of two copies of
+the quarter (`ngspring.fem.images`), and the sum of their residuals and tangents.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
-from ngspring.fem.constraints import displacement_extraction, spline_extraction
+from ngspring.fem.constraints import spline_extraction
 from ngspring.fem.grid import Grid, ScalarSpace
+from ngspring.fem.images import Images, images
 from ngspring.fem.linear import Factorization, make_factorization, multiply, wants_upper
 from ngspring.fem.process import giving_memory_back
 from ngspring.kkt.matrix import BlockMaps
@@ -25,6 +30,7 @@ from ngspring.kkt.timings import Timings, timed
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Term
+from ngspring.problem.imperfection import Offset
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import adjoint_unit, force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
@@ -77,11 +83,11 @@ class CoupledSystem:
         timings: Timings | None = None,
     ) -> None:
         self.problem = problem
+        self.points = problem.control_points
         self.solver = solver
         self.threads = threads
         self.timings = Timings() if timings is None else timings
         self._build(terms)
-        self.points = problem.control_points
         self._chi_unit = 1.0
         self._scale = 1.0
         # What makes s the same in all units: u is a length, lam an inverse force.
@@ -98,27 +104,48 @@ class CoupledSystem:
         self.grid = Grid(self.problem)
         self.scalar = ScalarSpace(self.grid)
         self.extraction_chi = spline_extraction(self.scalar)
-        self.displacement = displacement_extraction(self.scalar)
-        self.extraction_u = self.displacement.matrix
         self._transposed_chi = self.extraction_chi.T.tocsr()
-        self._transposed_u = self.extraction_u.T.tocsr()
+        kinds = {odd_in: images(self.scalar, odd_in) for odd_in in dict.fromkeys(self._odd_in())}
+        #: The copies that each control point analyses.
+        self.images: list[Images] = [kinds[odd_in] for odd_in in self._odd_in()]
         self.control_point = ControlPointForm(self.scalar, terms)
         self.design = DesignForm(self.scalar, terms)
         self.coefficients = self.extraction_chi.shape[1]
-        self.free = self.extraction_u.shape[1] - 1
+        self._free = np.array([copies.free for copies in self.images])
+        ends = self.coefficients + np.cumsum(2 * self._free + 1)
+        self._slices = [slice(a, b) for a, b in pairwise([self.coefficients, *ends])]
+
+    def _odd_in(self) -> list[str]:
+        """The axes in which each control point has an imperfection."""
+        return [point.odd_in if point.eta_odd else "" for point in self.points]
+
+    @property
+    def free(self) -> int:
+        """Columns of `State.u`: the free displacements of the control point that has most."""
+        return int(self._free.max())
 
     # -- vectors ---------------------------------------------------------------------------------
 
+    def control_point_vectors(self, state: State, j: int) -> list[FloatArray]:
+        """Dofs of the compound space (chi, u_j, lam_j) of every copy that is analysed."""
+        free = self._free[j]
+        u = np.append(state.u[j, :free], self.points[j].d)
+        lam = np.append(state.lam[j, :free], state.lam[j, -1])
+        chi = self.extraction_chi @ state.chi
+        fields = zip(self.images[j].fields(u), self.images[j].fields(lam), strict=True)
+        return [np.concatenate([chi, *pair]) for pair in fields]
+
     def control_point_vector(self, state: State, j: int) -> FloatArray:
-        """Dofs of the compound space (chi, u_j, lam_j)."""
-        u = np.append(state.u[j], self.points[j].d)
-        return np.concatenate(
-            [
-                self.extraction_chi @ state.chi,
-                self.extraction_u @ u,
-                self.extraction_u @ state.lam[j],
-            ]
-        )
+        """Those of the first copy: all there is without an imperfection."""
+        return self.control_point_vectors(state, j)[0]
+
+    def padded(self, u: Sequence[FloatArray], lam: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        """Arrays of `State` from free displacements and multipliers of every control point."""
+        all_u, all_lam = np.zeros((len(u), self.free)), np.zeros((len(u), self.free + 1))
+        for j, free in enumerate(self._free):
+            all_u[j, :free] = u[j]
+            all_lam[j, :free], all_lam[j, -1] = lam[j][:-1], lam[j][-1]
+        return all_u, all_lam
 
     def retarget(self, points: Sequence[ControlPoint]) -> None:
         """Go over to other control points, as many as before; all else stays.
@@ -126,12 +153,15 @@ class CoupledSystem:
         Raises
         ------
         ValueError
-            If there are more or fewer.
+            If there are more or fewer, or an imperfection is of another kind.
         """
         if len(points) != len(self.points):
             raise ValueError(f"{len(points)} control points instead of {len(self.points)}")
+        before = self._odd_in()
         self.problem = self.problem.replace(control_points=tuple(points))
         self.points = self.problem.control_points
+        if self._odd_in() != before:
+            raise ValueError(f"imperfections in {self._odd_in()} instead of {before}")
         self._weights = np.array([point.weight for point in self.points])
         self._targets = np.array([point.q_star for point in self.points])
 
@@ -149,18 +179,24 @@ class CoupledSystem:
                 terms["transient"] = (
                     self._transposed_chi @ (self.design.transient_matrix @ change)
                 ) / dt
-            u = np.empty_like(state.u)
-            lam = np.empty_like(state.lam)
-            for j, point in enumerate(self.points):
-                vector = self.control_point_vector(state, j)
-                result = self.control_point.residual(vector, point.eta)
-                terms[f"control point {j}"] = self._transposed_chi @ result[:n]
-                u[j] = (self._transposed_u @ result[n : 3 * n])[:-1]
-                lam[j] = self._transposed_u @ result[3 * n :]
+            of_u, of_lam = [], []
+            for j, copies in enumerate(self.images):
+                results = self._results(state, j)
+                of_chi = sum(c.share * r[:n] for c, r in zip(copies.copies, results, strict=True))
+                terms[f"control point {j}"] = self._transposed_chi @ of_chi
+                of_u.append(copies.reduced([r[n : 3 * n] for r in results])[:-1])
+                of_lam.append(copies.reduced([r[3 * n :] for r in results]))
+            u, lam = self.padded(of_u, of_lam)
             lam[:, -1] -= self._targets + state.lam[:, -1] / self._weights
         chi = sum(terms.values(), np.zeros(self.coefficients))
         norms = {name: float(np.linalg.norm(term)) for name, term in terms.items()}
         return Residual(chi, u, lam, norms)
+
+    def _results(self, state: State, j: int) -> list[FloatArray]:
+        """First derivatives of every copy of a control point, on the dofs of the compound space."""
+        offset = self.points[j].offset
+        copies = zip(self.images[j].copies, self.control_point_vectors(state, j), strict=True)
+        return [self.control_point.residual(v, offset.mirrored(copy.sign)) for copy, v in copies]
 
     @timed("terms")
     def terms(self, state: State) -> dict[str, float]:
@@ -175,9 +211,11 @@ class CoupledSystem:
         of_design = sum(values[name] for name in self.design.terms)
         of_u: dict[str, float] = {}
         for j, point in enumerate(self.points if self.control_point.terms else ()):
-            vector = self.control_point_vector(state, j)
-            for name, value in self.control_point.values(vector, point.eta).items():
-                of_u[name] = of_u.get(name, 0.0) + value
+            vectors = self.control_point_vectors(state, j)
+            for copy, vector in zip(self.images[j].copies, vectors, strict=True):
+                offset = point.offset.mirrored(copy.sign)
+                for name, value in self.control_point.values(vector, offset).items():
+                    of_u[name] = of_u.get(name, 0.0) + copy.share * value
         values["C"] = float(each.sum()) + of_design + sum(of_u.values())
         return {**values, **of_u}
 
@@ -186,17 +224,26 @@ class CoupledSystem:
 
         Parameters
         ----------
-        chi, u : arrays
-            Dofs of the scalar space, and of the vector-valued one.
+        chi : array
+            Dofs of the scalar space.
+        u : array (free,)
+            Free displacements of the control point.
         j : int
             Control point.
 
         Returns
         -------
-        array (2 ndof,) or None
-            None if there are no such terms.
+        array (free + 1,) or None
+            On the free displacements and u_Ty; None if there are no such terms.
         """
-        return self.control_point.adjoint_load(chi, u, self.points[j].eta)
+        if not self.control_point.terms:
+            return None
+        copies, point = self.images[j], self.points[j]
+        fields = copies.fields(np.append(u, point.d))
+        return copies.reduced(
+            self.control_point.adjoint_load(chi, field, point.offset.mirrored(copy.sign))
+            for copy, field in zip(copies.copies, fields, strict=True)
+        )
 
     # -- matrix ----------------------------------------------------------------------------------
 
@@ -223,11 +270,13 @@ class CoupledSystem:
         self._chi_unit = t
         scales = t, s, self._top_unit
         for j, point in enumerate(self.points):
-            with self.timings.part("assembly"):
-                vector = self.control_point_vector(state, j)
-                stored, void = self.control_point.tangent(vector, point.eta)
-            with self.timings.part("reduction"):
-                chi_chi += maps.write_control_point(j, stored, void, point.weight, scales)
+            vectors = self.control_point_vectors(state, j)
+            for k, copy in enumerate(self.images[j].copies):
+                with self.timings.part("assembly"):
+                    offset = point.offset.mirrored(copy.sign)
+                    stored, void = self.control_point.tangent(vectors[k], offset)
+                with self.timings.part("reduction"):
+                    chi_chi += maps.write_control_point((j, k), stored, void, point.weight, scales)
         with self.timings.part("reduction"):
             maps.write("chi_chi", t**2 * chi_chi)
             finite = np.isfinite(maps.triangle.data).all()
@@ -257,21 +306,20 @@ class CoupledSystem:
 
     def _build_maps(self, state: State) -> BlockMaps:
         vector = self.control_point_vector(state, 0)
-        self.control_point.tangent(vector, 0.0)
+        self.control_point.tangent(vector, Offset())
         self.design.tangent_nonlinear(vector[: self.scalar.ndof])
         return BlockMaps(
             self.control_point,
             self.design,
             self.extraction_chi,
-            self.extraction_u,
-            len(self.points),
+            self.images,
             wants_upper(self.solver),
         )
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns of the coupled system."""
-        return int(self.coefficients + len(self.points) * (2 * self.free + 1))
+        return int(self.coefficients + (2 * self._free + 1).sum())
 
     @property
     def nonzeros(self) -> int:
@@ -286,7 +334,7 @@ class CoupledSystem:
     @property
     def eigenvalues_of_a_minimum(self) -> int:
         """Negative eigenvalues of the Newton matrix where C(chi) is convex."""
-        return int(len(self.points) * (self.free + 1))
+        return int((self._free + 1).sum())
 
     # -- solution --------------------------------------------------------------------------------
 
@@ -295,28 +343,36 @@ class CoupledSystem:
         return multiply(self._maps.triangle, x)
 
     def _pack(self, residual: Residual) -> FloatArray:
-        s = self._scale
-        parts = [self._chi_unit * residual.chi]
-        for u, lam in zip(residual.u, residual.lam, strict=True):
-            parts += [u + s * lam[:-1], u - s * lam[:-1], self._top_unit * lam[-1:]]
+        return self._packed(self._chi_unit, residual, (1.0, self._scale, self._top_unit))
+
+    def _packed(
+        self, t: float, vector: State | Residual, factors: tuple[float, float, float]
+    ) -> FloatArray:
+        """chi times t; for each control point ``f u + g lam``, ``f u - g lam`` and ``h lam_Ty``."""
+        f, g, h = factors
+        parts = [t * vector.chi]
+        for free, u, lam in zip(self._free, vector.u, vector.lam, strict=True):
+            a, b = f * u[:free], g * lam[:free]
+            parts += [a + b, a - b, h * lam[-1:]]
         return np.concatenate(parts)
 
-    def _blocks(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """chi; and sum and difference of the halves, and the last row, of every control point."""
-        n, nc = self.free, self.coefficients
-        blocks = x[nc:].reshape(len(self.points), 2 * n + 1)
-        a, b, top = blocks[:, :n], blocks[:, n : 2 * n], blocks[:, 2 * n :]
-        return x[:nc], a + b, a - b, top
+    def _blocks(self, x: FloatArray, factors: tuple[float, float]) -> tuple[FloatArray, ...]:
+        """u and lam: the sum of each point's halves, and factors times difference and last row."""
+        f, g = factors
+        u = np.zeros((len(self.points), self.free))
+        lam = np.zeros((len(self.points), self.free + 1))
+        for j, (n, part) in enumerate(zip(self._free, self._slices, strict=True)):
+            a, b = x[part][:n], x[part][n : 2 * n]
+            u[j, :n], lam[j, :n], lam[j, -1] = a + b, f * (a - b), g * x[part][-1]
+        return u, lam
 
     def _unpack(self, x: FloatArray) -> State:
-        chi, u, difference, top = self._blocks(x)
-        lam = np.hstack([self._scale * difference, self._top_unit * top])
-        return State(self._chi_unit * chi, u, lam)
+        u, lam = self._blocks(x, (self._scale, self._top_unit))
+        return State(self._chi_unit * x[: self.coefficients], u, lam)
 
     def _unpack_residual(self, x: FloatArray) -> Residual:
-        chi, u, difference, top = self._blocks(x)
-        lam = np.hstack([difference / (2 * self._scale), top / self._top_unit])
-        return Residual(chi / self._chi_unit, u / 2, lam, {})
+        u, lam = self._blocks(x, (1 / (2 * self._scale), 1 / self._top_unit))
+        return Residual(x[: self.coefficients] / self._chi_unit, u / 2, lam, {})
 
     def _block_norms(self, packed: FloatArray) -> FloatArray:
         """Of chi (as it is packed), and of the adjoint and the equilibrium of every point."""
@@ -330,11 +386,9 @@ class CoupledSystem:
 
         What `solve` inverts: ``product(solve(residual)) = -residual``.
         """
-        s = self._scale
-        parts = [update.chi / self._chi_unit]
-        for u, lam in zip(update.u, update.lam, strict=True):
-            parts += [(u + lam[:-1] / s) / 2, (u - lam[:-1] / s) / 2, lam[-1:] / self._top_unit]
-        return self._unpack_residual(self._multiply(np.concatenate(parts)))
+        factors = 0.5, 0.5 / self._scale, 1 / self._top_unit
+        packed = self._packed(1 / self._chi_unit, update, factors)
+        return self._unpack_residual(self._multiply(packed))
 
     @timed("solve")
     def solve(self, residual: Residual) -> State:

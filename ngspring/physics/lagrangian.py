@@ -28,6 +28,7 @@ from ngspring.fem.process import tasks
 from ngspring.fem.reduction import form_matrix, stored_values
 from ngspring.physics.chi import CF, rho, stiffness
 from ngspring.physics.elasticity import measure, virtual_work
+from ngspring.physics.offset import OffsetField
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Fields, Term
 from ngspring.physics.void import (
@@ -36,6 +37,7 @@ from ngspring.physics.void import (
     VoidRegularisation,
     dx,
 )
+from ngspring.problem.imperfection import Offset
 from ngspring.problem.scaling import adjoint_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -59,9 +61,9 @@ def design_fields(chi: CF) -> Fields:
     return Fields(chi, ng.grad(chi), chi.Operator("hesse"))
 
 
-def fields_with_displacements(chi: CF, eta: CF, u: CF) -> Fields:
+def fields_with_displacements(chi: CF, offset: CF, u: CF) -> Fields:
     """The fields at a control point, for the density of a term that depends on displacements."""
-    return Fields(chi + eta, ng.grad(chi), chi.Operator("hesse"), u, ng.Grad(u))
+    return Fields(chi + offset, ng.grad(chi), chi.Operator("hesse"), u, ng.Grad(u))
 
 
 def transient_energy(
@@ -76,7 +78,8 @@ class ControlPointForm:
     """R(chi + eta, u; lam) of Eq. 19 without its boundary term, for any control point.
 
     With the terms of the objective that depend on displacements. Vectors are the dofs of the
-    compound space (chi, u, lam), ``5 ndof`` numbers.
+    compound space (chi, u, lam), ``5 ndof`` numbers. With an imperfection they are those of one of
+    the copies that are analysed (`ngspring.fem.images`), and its offset is taken with its sign.
     """
 
     def __init__(self, scalar: ScalarSpace, terms: Sequence[Term] = TERMS) -> None:
@@ -86,18 +89,20 @@ class ControlPointForm:
         self.terms = tuple(term for term in terms if term.of_u and term.active(problem))
         displacement = ng.VectorH1(grid.mesh, order=2)
         self.space = ng.FESpace([scalar.space, displacement, displacement])
-        self._eta = ng.Parameter(0.0)
+        self._problem = problem
+        odd_in = [point.odd_in for point in problem.control_points if point.eta_odd]
+        self._offset = OffsetField(problem, odd_in)
         chi, u, lam = self.space.TrialFunction()
         #: lam of the form's own vectors is in this unit: NGSolve takes mixed second derivatives by
         #: polarisation, and with lam far from the size of u nothing would remain of them.
         self.lam_unit = adjoint_unit(problem)
-        density = self.lam_unit * internal_virtual_work(chi + self._eta, u, lam, problem)
+        density = self.lam_unit * internal_virtual_work(chi + self._offset.value, u, lam, problem)
         self.form = ng.BilinearForm(self.space, symmetric=True)
         self.form += ng.Variation(density.Compile() * dx())
         self.void = VoidRegularisation(scalar)
         self._state = ng.GridFunction(self.space)
         self._result = self._state.vec.CreateVector()
-        fields = fields_with_displacements(chi, self._eta, u)
+        fields = fields_with_displacements(chi, self._offset.value, u)
         self._of_term: dict[str, ng.BilinearForm] = {}
         for term in self.terms:
             part = (measure(problem) * term.density(fields, problem)).Compile() * dx()
@@ -105,16 +110,18 @@ class ControlPointForm:
             self._of_term[term.name] = ng.BilinearForm(self.space, symmetric=True)
             self._of_term[term.name] += ng.Variation(part)
 
-    def _load(self, vector: FloatArray, eta: float) -> FloatArray:
-        self._eta.Set(eta)
+    def _load(self, vector: FloatArray, offset: Offset) -> FloatArray:
+        self._offset.set(offset)
         own = self._state.vec.FV().NumPy()
         own[:] = vector
         own[3 * self.ndof :] /= self.lam_unit
-        return self.void.chi_at_points(vector[: self.ndof]) + eta
+        table, problem = self.void.table, self._problem
+        of_offset = offset.at(table.x, table.y, problem.L, problem.H)
+        return np.asarray(self.void.chi_at_points(vector[: self.ndof]) + of_offset)
 
-    def residual(self, vector: FloatArray, eta: float) -> FloatArray:
+    def residual(self, vector: FloatArray, offset: Offset) -> FloatArray:
         """First derivative, on the dofs of the compound space."""
-        at_points = self._load(vector, eta)
+        at_points = self._load(vector, offset)
         with tasks():
             self.form.Apply(self._state.vec, self._result)
         n = self.ndof
@@ -123,32 +130,30 @@ class ControlPointForm:
         result[3 * n :] /= self.lam_unit
         return np.asarray(result + np.concatenate(void))
 
-    def tangent(self, vector: FloatArray, eta: float) -> tuple[FloatArray, VoidBlocks]:
+    def tangent(self, vector: FloatArray, offset: Offset) -> tuple[FloatArray, VoidBlocks]:
         """Second derivative: values on the form's pattern, and the void's blocks.
 
         The values are by lam in units of `lam_unit`, the void's blocks by lam in N^-1.
         """
-        at_points = self._load(vector, eta)
+        at_points = self._load(vector, offset)
         with tasks():
             self.form.AssembleLinearization(self._state.vec)
         n = self.ndof
         blocks = self.void.blocks(at_points, vector[n : 3 * n], vector[3 * n :])
         return stored_values(self.form), blocks
 
-    def values(self, vector: FloatArray, eta: float) -> dict[str, float]:
+    def values(self, vector: FloatArray, offset: Offset) -> dict[str, float]:
         """The terms that depend on displacements, at one control point."""
-        self._load(vector, eta)
+        self._load(vector, offset)
         return {name: float(form.Energy(self._state.vec)) for name, form in self._of_term.items()}
 
-    def adjoint_load(self, chi: FloatArray, u: FloatArray, eta: float) -> FloatArray | None:
-        """Derivative of those terms by u (dofs of the VectorH1 space); None if there are none.
+    def adjoint_load(self, chi: FloatArray, u: FloatArray, offset: Offset) -> FloatArray:
+        """Derivative of those terms by u (dofs of the VectorH1 space).
 
         The right-hand side that they give Eq. 7: R is linear in lam, and vanishes for lam = 0.
         """
-        if not self.terms:
-            return None
         vector = np.concatenate([chi, u, np.zeros_like(u)])
-        return self.residual(vector, eta)[self.ndof : 3 * self.ndof]
+        return self.residual(vector, offset)[self.ndof : 3 * self.ndof]
 
 
 class DesignForm:

@@ -8,6 +8,7 @@ little, outwards here and inwards at the mirror image, and the spring has to do 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,3 +41,32 @@ def odd_pattern(x: Value, y: Value, L: float, H: float, odd_in: str, sin: Any = 
     for axis in odd_in:
         result = result * sin(along[axis])
     return result
+
+
+@dataclass(frozen=True)
+class Offset:
+    """What is added to chi: a number, and one times a pattern.
+
+    Attributes
+    ----------
+    eta : float
+        Dilation (2.6).
+    odd : float
+        Factor of the pattern.
+    odd_in : {"xy", "x", "y"}
+        See `odd_pattern`.
+    """
+
+    eta: float = 0.0
+    odd: float = 0.0
+    odd_in: str = "xy"
+
+    def mirrored(self, sign: float) -> Offset:
+        """As it is at the mirror images where the pattern has another sign."""
+        return replace(self, odd=sign * self.odd)
+
+    def at(self, x: Value, y: Value, L: float, H: float) -> Value:
+        """Its value at places in mm."""
+        if not self.odd:
+            return self.eta
+        return self.eta + self.odd * odd_pattern(x, y, L, H, self.odd_in)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import choice, finite_number, refused
-from ngspring.problem.imperfection import ODD_IN
+from ngspring.problem.imperfection import ODD_IN, Offset
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,11 @@ class ControlPoint:
     def own(self) -> bool:
         """Whether it belongs to the design itself, without an offset or an imperfection."""
         return not self.eta and not self.eta_odd
+
+    @property
+    def offset(self) -> Offset:
+        """What is added to chi."""
+        return Offset(self.eta, self.eta_odd, self.odd_in)
 
     @property
     def variant(self) -> str:

@@ -70,7 +70,7 @@ def test_nodes_move_as_the_field_does(exchange: ModuleType, system: CoupledSyste
     import ngsolve as ng
 
     field = ng.GridFunction(ng.VectorH1(system.grid.mesh, order=2))
-    field.vec.FV().NumPy()[:] = system.extraction_u @ np.append(state.u[0], d)
+    field.vec.FV().NumPy()[:] = system.images[0].copies[0].matrix @ np.append(state.u[0], d)
     width, height = system.grid.size
     place = system.grid.mesh(width * 3 / (2 * nx), height * 5 / (2 * ny))
     assert field(place) == pytest.approx((u_x[3, 5], u_y[3, 5]))

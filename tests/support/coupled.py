@@ -29,7 +29,7 @@ class Flat:
         points, n = system.points, system.free
         self.shapes = ((system.coefficients,), (len(points), n), (len(points), n + 1))
         random = np.random.default_rng(5)
-        unit = system.displacement.restrict(stretched(system.scalar))[:-1]
+        unit = system.images[0].restrict(stretched(system.scalar))
         u = [p.d * unit + 0.4 * random.uniform(-1, 1, n) for p in points]
         size = 0.3 * np.array([abs(p.q) * p.weight for p in points])[:, None]
         lam = size * random.uniform(-1, 1, self.shapes[2])
