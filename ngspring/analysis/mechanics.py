@@ -188,7 +188,7 @@ class Mechanics:
         table, problem = self.void.table, self.problem
         self._offsets = [offset.mirrored(copy.sign) for copy in self.images.copies]
         self._offset.set(self._offsets[0])
-        self._at_points = [
+        self._at_points: list[FloatArray] = [
             chi_at_points + of_copy.at(table.x, table.y, problem.L, problem.H)
             for of_copy in self._offsets
         ]

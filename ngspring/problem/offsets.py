@@ -22,7 +22,7 @@ from ngspring.problem.point import ControlPoint
 #: design itself comes first; but large against the material, or walls would still be cut.
 SHARE_ROBUST, SHARE_WALL = 1e-4, 1e-4
 #: The same of one with an imperfection: a spring that buckles misses by much.
-SHARE_IMPERFECT = 1e-2
+SHARE_IMPERFECT = 1e-3
 #: The keys of a problem's TOML file, in mm; and the one that says what kind the imperfection is of.
 OFFSET_KEYS = ("robust", "wall", "gap", "imperfection")
 ODD_KEY = "imperfection_odd_in"
