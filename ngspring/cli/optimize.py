@@ -37,6 +37,8 @@ from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.part.realisation import PartSettings
 from ngspring.part.realise import realise
+from ngspring.problem.imperfection import ODD_IN
+from ngspring.problem.offsets import with_offsets
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.plausibility import check_targets
@@ -93,6 +95,18 @@ from ngspring.view.run_files import write_pictures
     type=click.IntRange(1, 1000),
     help="With --part: corrections at most (default: 12).",
 )
+@click.option(
+    "--imperfection",
+    type=FiniteRange(1e-9, 1e9),
+    metavar="MM",
+    help="Do nearly the same with surfaces moved by up to so many mm in a pattern that breaks the"
+    " symmetries, so that the spring does not buckle.",
+)
+@click.option(
+    "--odd-in",
+    type=click.Choice(ODD_IN),
+    help="Axes in which that pattern is odd (default: xy; y of an axisymmetric spring).",
+)
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 @click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")
@@ -112,6 +126,8 @@ def optimize_command(
     part: bool,
     tolerance: float | None,
     corrections: int | None,
+    imperfection: float | None,
+    odd_in: str | None,
     solver: str,
     report: bool,
     anyway: bool,
@@ -137,6 +153,7 @@ def optimize_command(
         name = f"{name}-{elements}"
     if domain is not None:
         problem = problem.replace(domain=domain)
+    problem = _with_imperfection(problem, imperfection, odd_in)
     if seed is not None and initial != "random":
         raise click.UsageError("--seed belongs to --initial random")
     settings = _part_settings(part, tolerance, corrections)
@@ -179,6 +196,8 @@ def optimize_command(
             "--part": part,
             "--tolerance": tolerance,
             "--corrections": corrections,
+            "--imperfection": imperfection,
+            "--odd-in": odd_in,
             "--out": folder,
             "--solver": None if solver == "auto" else solver,
             "--report": report,
@@ -196,6 +215,21 @@ def optimize_command(
     click.echo(f"not converged: {result.message}", err=True)
     updates = len(result.history) - 1
     return OK if max_updates is not None and updates >= max_updates else NOT_CONVERGED
+
+
+def _with_imperfection(
+    problem: SpringProblem, imperfection: float | None, odd_in: str | None
+) -> SpringProblem:
+    """The problem with what --imperfection and --odd-in add."""
+    if imperfection is None:
+        if odd_in is not None:
+            raise click.UsageError("--odd-in belongs to --imperfection")
+        return problem
+    pattern = odd_in or ("y" if problem.motion.axis else "xy")
+    points = with_offsets(
+        problem.control_points, problem.l_i, imperfection=imperfection, odd_in=pattern
+    )
+    return problem.replace(control_points=points)
 
 
 def _part_settings(

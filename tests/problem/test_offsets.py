@@ -59,3 +59,48 @@ def test_a_twin_that_is_there_already_is_refused() -> None:
     points = (*POINTS, ControlPoint(10, 2, eta=1.6))
     with pytest.raises(ProblemError, match="leave one of them out"):
         with_offsets(points, 1.0, robust=0.2)
+
+
+# -- imperfections ---------------------------------------------------------------------------------
+
+
+def test_an_imperfection_is_a_control_point_at_the_outermost_compression() -> None:
+    points = ControlPoint(10, 2), ControlPoint(-10, -2), ControlPoint(-20, -4, aim=-3.8)
+    *targets, imperfect = with_offsets(points, 2.0, imperfection=0.2)
+    assert tuple(targets) == points
+    assert (imperfect.d, imperfect.q, imperfect.aim) == (-20, -4, -3.8)
+    # Surfaces lie 0.2 mm further out where chi is larger by 8 / l_i times that.
+    assert imperfect.eta_odd == pytest.approx(0.8)
+    assert (imperfect.eta, imperfect.odd_in) == (0.0, "xy")
+    assert 0 < imperfect.weight < 1
+    assert not imperfect.own
+
+
+def test_without_compression_the_outermost_tension_is_imperfect() -> None:
+    points = ControlPoint(10, 2), ControlPoint(20, 4)
+    assert with_offsets(points, 1.0, imperfection=0.1, odd_in="x")[-1].d == 20
+
+
+def test_an_imperfection_in_a_file_fits_the_kinematics() -> None:
+    text = 'imperfection = 0.2\nkinematics = "{}"\n[[control_points]]\nd = -10\nq = -2\n'
+    plane = SpringProblem.from_toml(text.format("plane strain"))
+    round_one = SpringProblem.from_toml(text.format("axisymmetric"))
+    assert plane.control_points[-1].odd_in == "xy"
+    assert round_one.control_points[-1].odd_in == "y"
+    for problem in (plane, round_one):
+        assert SpringProblem.from_toml(problem.to_toml()) == problem
+
+
+def test_what_turns_about_an_axis_cannot_be_odd_across_it() -> None:
+    with pytest.raises(ProblemError, match=r"odd_in = 'xy' is not valid.*body of revolution"):
+        SpringProblem((ControlPoint(-10, -2, eta_odd=1.0),), kinematics="axisymmetric")
+
+
+def test_a_kind_of_imperfection_needs_its_size() -> None:
+    with pytest.raises(ProblemError, match="without imperfection"):
+        SpringProblem.from_toml('imperfection_odd_in = "y"\n[[control_points]]\nd = -10\nq = -2\n')
+
+
+def test_a_problem_without_imperfections_is_written_as_before() -> None:
+    text = SpringProblem((ControlPoint(-10, -2),)).to_toml()
+    assert "odd" not in text
