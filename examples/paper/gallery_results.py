@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,11 @@ def fingerprint(design: Design) -> str:
 
 
 def evaluate(
-    results: str, text: str | None, evaluation: Evaluation, arguments: Sequence[str] | None
+    results: str,
+    text: str | None,
+    evaluation: Evaluation,
+    arguments: Sequence[str] | None,
+    designs: Mapping[str, Design] = gallery,
 ) -> dict[str, Any]:
     """Evaluate the designs named on the command line, all by default, that have changed since."""
     parser = argparse.ArgumentParser(
@@ -38,8 +42,8 @@ def evaluate(
     parser.add_argument("names", nargs="*", metavar="NAME", help="only these designs")
     parser.add_argument("--threads", type=int, help="threads to use")
     given = parser.parse_args(arguments)
-    for name in given.names or gallery:
-        design = gallery[name]
+    for name in given.names or designs:
+        design = designs[name]
         mark = {"design": fingerprint(design)}
         if read(results).get(name, {}).get("design") == mark["design"]:
             continue

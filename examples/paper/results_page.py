@@ -9,6 +9,10 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
   what they lead to (results/ladder.json, written by ladder_of_gallery.py);
 - ``stability``: where its symmetric path loses stability (results/stability.json, written by
   stability_of_gallery.py);
+- ``parts``: every stored part beside the design it was made from (results/parts.json, written by
+  evaluation_of_parts.py);
+- ``limits`` and ``bands``: what limits of strains cost, and what robust changes
+  (results/limits.json, written by limits_and_tolerances.py);
 - ``verification``: how far the remodelled solid with real contact is from the third medium
   (results/verification.json, written by verification_of_gallery.py).
 
@@ -26,7 +30,7 @@ from gallery_results import read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
-from ngspring.problem.point import worst_deviation
+from ngspring.problem.point import relative_deviation, worst_deviation
 from ngspring.view.text import deviation_text
 
 PAGE = HERE / "README.md"
@@ -194,6 +198,79 @@ def verification_table() -> str:
     return table(header, rows)
 
 
+def solid_deviations(found: dict[str, Any]) -> str:
+    """Of the solid from the targets, at the control points."""
+    texts = []
+    for point in found["control_points"]:
+        q, target = point["q_contact"], point["q_target"]
+        texts.append("-" if q is None else f"{100 * relative_deviation(q, target):+.2f} %")
+    return ", ".join(texts)
+
+
+def stable_until(found: dict[str, Any]) -> str:
+    events = [f"{c['d']:.2f} mm" for c in found["stability"]["critical"] if c["kind"] == "solid"]
+    return f"until {' and '.join(events)}" if events else "stable"
+
+
+def length(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def part_rows(name: str, found: dict[str, Any]) -> list[Row]:
+    rows = []
+    for which, one in ((name, found["before"]), (f"{name}-part", found["after"])):
+        rows.append(
+            (
+                which,
+                solid_deviations(one),
+                stable_until(one),
+                f"{one['stretch_measure']:.2f}",
+                length(one["smallest_wall"]),
+                length(one["smallest_gap_at_rest"]),
+                f"{one['width']:.4f}",
+            )
+        )
+    return rows
+
+
+def parts_table() -> str:
+    stored = read("parts")
+    rows = [row for name in names() if name in stored for row in part_rows(name, stored[name])]
+    header = (
+        "design", "solid from its targets", "symmetric path", "stretch of a thousandth",
+        "smallest wall [mm]", "smallest gap [mm]", "W/H or D/H",
+    )  # fmt: skip
+    return table(header, rows)
+
+
+def limits_table() -> str:
+    rows = [
+        (
+            name.split("-")[0],
+            f"{found['limit']:g}" if found["limit"] else "none",
+            f"{found['stretch_measure']:.3f}" if found["stretch_measure"] else "-",
+            f"{found['largest_stretch']:.2f}" if found["largest_stretch"] else "-",
+            f"{found['width']:.4f}",
+        )
+        for name, found in read("limits").items()
+        if "-limit" in name
+    ]
+    header = ("design", "limit", "stretch of a thousandth", "largest stretch", "W/H")
+    return table(header, rows)
+
+
+def bands_table() -> str:
+    rows = []
+    for name, found in read("limits").items():
+        if "bands" not in found:
+            continue
+        widths = ", ".join(f"{width:.3g} at {d:g}" for d, width in found["bands"])
+        which = "robust" if "-robust" in name else "plain"
+        rows.append((name.split("-")[0], which, widths, f"{found['width']:.4f}"))
+    header = ("design", "", "band of q [N] at d [mm], surfaces 0.2 mm in to 0.2 mm out", "W/H")
+    return table(header, sorted(rows))
+
+
 def replaced(text: str, name: str, content: str) -> str:
     pattern = rf"(<!-- {name} -->\n).*?(<!-- end {name} -->)"
     new, count = re.subn(pattern, lambda m: f"{m[1]}{content}\n{m[2]}", text, flags=re.DOTALL)
@@ -210,6 +287,9 @@ def page() -> str:
     text = replaced(text, "ladder", ladder_table())
     text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
+    text = replaced(text, "parts", parts_table())
+    text = replaced(text, "limits", limits_table())
+    text = replaced(text, "bands", bands_table())
     return replaced(text, "verification", verification_table())
 
 

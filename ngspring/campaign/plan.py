@@ -18,7 +18,8 @@ Every run is a table; its keys other than ``case`` or ``file`` are optional::
 
 A list in ``changes`` gives one run per value, with a suffix such as ``-k_rho=2e-08`` to its name,
 and several lists all their combinations. ``seed`` belongs to ``start = "random"``;
-``robust = false`` leaves out the control points with an offset eta (Appendix A).
+``robust = false`` leaves out the control points with an offset eta (Appendix A);
+``offsets = {robust = 0.2, imperfection = 0.2}`` adds some, see `ngspring.problem.offsets`.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from ngspring.basics.errors import NgspringError, ProblemError
 from ngspring.basics.files import naming, read_text
 from ngspring.design.notes import LONGEST_NOTE
 from ngspring.problem.cases import get_case
+from ngspring.problem.offsets import ODD_KEY, OFFSET_KEYS, taken_offsets
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.toml import load_tables
@@ -56,6 +58,7 @@ KEYS = (
     "part",
     "changes",
     "robust",
+    "offsets",
 )
 STARTS = ("column", "random", "design:PATH", "run:NAME")
 MOST_RUNS = 10_000
@@ -284,7 +287,18 @@ def _problem(table: Mapping[str, Any], folder: Path) -> tuple[SpringProblem, str
         problem = problem.replace(control_points=points)
     if "elements" in table:
         problem = on_mesh(problem, table["elements"])[0]
-    return problem, name
+    return _with_offsets(problem, table.get("offsets", {})), name
+
+
+def _with_offsets(problem: SpringProblem, given: object) -> SpringProblem:
+    """The problem with what a run's table ``offsets`` adds."""
+    keys = (*OFFSET_KEYS, ODD_KEY)
+    if not isinstance(given, dict):
+        raise ProblemError(f"offsets = {shown(given)} must be a table of {', '.join(keys)}")
+    if not given:
+        return problem
+    _check_keys(given, keys)
+    return problem.with_offsets(**taken_offsets(given))
 
 
 def _variations(

@@ -38,7 +38,6 @@ from ngspring.evolution.runstate import read_run
 from ngspring.part.realisation import PartSettings
 from ngspring.part.realise import realise
 from ngspring.problem.imperfection import ODD_IN
-from ngspring.problem.offsets import with_offsets
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.plausibility import check_targets
@@ -225,11 +224,7 @@ def _with_imperfection(
         if odd_in is not None:
             raise click.UsageError("--odd-in belongs to --imperfection")
         return problem
-    pattern = odd_in or ("y" if problem.motion.axis else "xy")
-    points = with_offsets(
-        problem.control_points, problem.l_i, imperfection=imperfection, odd_in=pattern
-    )
-    return problem.replace(control_points=points)
+    return problem.with_offsets(imperfection=imperfection, odd_in=odd_in)
 
 
 def _part_settings(

@@ -36,7 +36,8 @@ def with_offsets(
     wall: float | None = None,
     gap: float | None = None,
     imperfection: float | None = None,
-    odd_in: str = "xy",
+    odd_in: str | None = None,
+    axis: bool = False,
 ) -> tuple[ControlPoint, ...]:
     """Control points with eroded, dilated and imperfect ones beside them.
 
@@ -55,8 +56,11 @@ def with_offsets(
     imperfection : float, optional
         The outermost target in compression (in tension, if there is none) with surfaces moved by
         up to this many mm, in a pattern that breaks symmetries.
-    odd_in : {"xy", "x", "y"}
-        The axes in which that pattern is odd, see `ngspring.problem.imperfection`.
+    odd_in : {"xy", "x", "y"}, optional
+        The axes in which that pattern is odd, see `ngspring.problem.imperfection`; both by
+        default.
+    axis : bool
+        Whether the spring is a body of revolution, whose pattern can be odd in y only.
 
     Returns
     -------
@@ -95,7 +99,8 @@ def with_offsets(
         add(outermost, positive_number("gap", gap) / 2, SHARE_WALL)
     if imperfection is not None:
         size = positive_number("imperfection", imperfection)
-        add(outermost[-1:], size, SHARE_IMPERFECT, choice(ODD_KEY, odd_in, ODD_IN))
+        kind = odd_in or ("y" if axis else "xy")
+        add(outermost[-1:], size, SHARE_IMPERFECT, choice(ODD_KEY, kind, ODD_IN))
     for point in given:
         if point.place in wanted:
             raise ProblemError(

@@ -23,6 +23,7 @@ from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.kinematics.base import Kinematics, Value
 from ngspring.problem.laws.base import Law
 from ngspring.problem.laws.neo_hooke import NeoHooke
+from ngspring.problem.offsets import with_offsets
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.sector import DOMAINS, Sector, sector_of
 from ngspring.problem.toml import parse_fields, read, write_fields
@@ -310,6 +311,23 @@ class SpringProblem:
                         f"{name} belongs to the {self.law.name} law here: replace material"
                     )
         return dataclasses.replace(self, **changes)
+
+    def with_offsets(self, **offsets: Any) -> SpringProblem:
+        """The problem with control points whose surfaces are a little off.
+
+        Parameters
+        ----------
+        **offsets
+            ``robust``, ``wall``, ``gap``, ``imperfection`` in mm, and ``odd_in``, see
+            `ngspring.problem.offsets.with_offsets`.
+
+        Raises
+        ------
+        ProblemError
+            If one is not valid, or a target would be there twice.
+        """
+        points = with_offsets(self.control_points, self.l_i, axis=self.motion.axis, **offsets)
+        return self.replace(control_points=points)
 
     def equals_but_for_name(self, other: SpringProblem) -> bool:
         """Whether a problem is the same, whatever its name: that may be corrected."""

@@ -205,10 +205,8 @@ def _offset(
     defaults = {field.name: field.default for field in dataclasses.fields(described)}
     l_i = positive_number("l_i", values.get("l_i", defaults["l_i"]))
     kinematics = KINEMATICS.get(str(values.get("kinematics", defaults["kinematics"])))
-    if "imperfection" in offsets and kinematics is not None and kinematics.axis:
-        # What turns about an axis can only be odd along it.
-        offsets = {"odd_in": "y", **offsets}
-    return with_offsets(points, l_i, **offsets)
+    axis = kinematics is not None and kinematics.axis
+    return with_offsets(points, l_i, axis=axis, **offsets)
 
 
 def _targets_table(described: object) -> Fields:

@@ -106,7 +106,7 @@ def test_every_key(tmp_path: Path) -> None:
         '[[run]]\ncase = "c4"\nname = "b"\nstart = "run:own"\ndt_initial = 2\nmax_updates = 5\n'
         "elements = 20\nchanges = {p = 6.0}\n"
         '[[run]]\ncase = "T1"\nname = "c"\nstart = "random"\nseed = 7\nrobust = false\n'
-        '[[run]]\ncase = "C1"\nstart = "design:C6"\n'
+        '[[run]]\ncase = "C1"\nstart = "design:C6"\noffsets = {imperfection = 0.2}\n'
         '[[run]]\ncase = "C2"\nstart = "design:old/design.npz"\n'
     )
     own, b, c, stored, path = read_campaign(file).runs
@@ -117,6 +117,8 @@ def test_every_key(tmp_path: Path) -> None:
     assert (b.after, b.design, b.start_name) == ("own", None, "run own")
     assert (c.seed, c.start_name, len(c.problem.control_points)) == (7, "random, seed 7", 2)
     assert stored.design == "C6"
+    assert stored.problem == cases["C1"].with_offsets(imperfection=0.2)
+    assert stored.problem.control_points[-1].eta_odd == pytest.approx(1.6)
     assert path.design == str(tmp_path / "old" / "design.npz")
     # A campaign that is moved with its designs goes on.
     assert path.start_name == "design old/design.npz"
@@ -201,6 +203,10 @@ BAD = {
     f"{C4}dt_initial = nan": "dt_initial = nan",
     f"{C4}max_updates = 1.5": "max_updates = 1.5",
     f'{C4}robust = "no"': "true or false",
+    f"{C4}offsets = 3": "offsets = 3",
+    f"{C4}offsets = {{gap = 0}}": "gap = 0",
+    f"{C4}offsets = {{gaps = 0.2}}": "did you mean 'gap'?",
+    f'{C4}offsets = {{imperfection_odd_in = "x"}}': "without imperfection",
     f"{C4}changes = 3": "changes = 3",
     f"{C4}changes = {{k_roh = 1e-8}}": "did you mean 'k_rho'?",
     f"{C4}changes = {{k_rho = []}}": "at least one value",

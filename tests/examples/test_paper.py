@@ -18,7 +18,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import ngspring.view.design
-from ngspring import Design, Response, gallery, load_displacement
+from ngspring import Design, Response, gallery, load_displacement, parts
 from ngspring.analysis.finished import responses_in_gallery
 from ngspring.campaign.plan import Run
 from ngspring.problem.scaling import on_mesh
@@ -409,12 +409,13 @@ def test_the_tables_of_the_results_page_are_those_of_the_stored_designs() -> Non
 
 def test_stored_verdicts_belong_to_the_stored_designs() -> None:
     stored = script("gallery_results")
-    for module, results in (
-        (script("stability_of_gallery"), "stability"),
-        (script("verification_of_gallery"), "verification"),
+    for module, results, designs in (
+        (script("stability_of_gallery"), "stability", gallery),
+        (script("verification_of_gallery"), "verification", gallery),
+        (script("evaluation_of_parts"), "parts", parts),
     ):
         for name, found in stored.read(results).items():
-            assert found["design"] == stored.fingerprint(gallery[name])
+            assert found["design"] == stored.fingerprint(designs[name])
         # Nothing is left to compute for designs that are known already.
         known = list(stored.read(results))
         assert not known or module.main(known) == stored.read(results)
