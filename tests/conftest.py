@@ -17,6 +17,7 @@ from hypothesis import settings
 from support.designs import rough_coefficients
 
 from ngspring.design.design import Design
+from ngspring.fem import process
 from ngspring.fem.process import available, parallel
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
@@ -44,10 +45,22 @@ def heard_interrupts() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def quiet_ngsolve() -> Iterator[None]:
-    """No messages, and one thread: the meshes are too small for more."""
+    """No messages, and one thread wherever no number is given: the tests share the processors.
+
+    NGSolve's idle workers spin. Where each of two processes had two of them, an analysis that
+    takes its default took several times as long.
+    """
     ng.ngsglobals.msg_level = 0
-    with parallel(1):
+    with pytest.MonkeyPatch.context() as patch, parallel(1):
+        patch.setattr(process, "available", lambda: 1)
         yield
+
+
+@pytest.fixture
+def all_processors(monkeypatch: pytest.MonkeyPatch) -> int:
+    """The default number of threads is a user's again; how many there are."""
+    monkeypatch.setattr(process, "available", available)
+    return available()
 
 
 @pytest.fixture

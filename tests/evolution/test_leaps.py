@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ngspring
-from ngspring import Design, LeapRule, StepRule
+from ngspring import ControlPoint, Design, LeapRule, SpringProblem, StepRule
 from ngspring.design.history import Row
 from ngspring.evolution.leaps import Leaping
 from ngspring.evolution.stepping import BackwardEuler, Past
@@ -17,6 +17,7 @@ from ngspring.kkt.start import initial_state
 from ngspring.kkt.system import CoupledSystem
 
 SMALL = ngspring.cases["C4"].replace(elements=8, l_i=10.0)
+ONE = SpringProblem((ControlPoint(10, 2),), elements=8, l_i=10.0)
 DT = 50.0
 
 
@@ -144,8 +145,8 @@ def test_a_leap_too_far_is_given_up_for_an_update_over_the_same_dt(
 
 def test_a_run_with_leaps_ends_in_the_same_stationary_point() -> None:
     eager = LeapRule(patience=1, converged=StepRule(growth=1.3, easy=0))
-    leapt = ngspring.optimize(SMALL, rule=eager, newton=EXACT, threads=1)
-    plain = ngspring.optimize(SMALL, rule=StepRule(), threads=1)
+    leapt = ngspring.optimize(ONE, rule=eager, newton=EXACT, threads=1)
+    plain = ngspring.optimize(ONE, rule=StepRule(), threads=1)
     assert leapt.converged
     assert plain.converged
     assert (leapt.history["leap"] > 0).sum() >= 3

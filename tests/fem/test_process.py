@@ -8,7 +8,7 @@ from threadpoolctl import ThreadpoolController
 import ngspring
 from ngspring.analysis.stability import stability
 from ngspring.basics.errors import ProblemError
-from ngspring.fem.process import available, checked_threads, parallel
+from ngspring.fem.process import checked_threads, parallel
 from ngspring.problem.cases import cases
 
 PROBLEM = ngspring.SpringProblem((ngspring.ControlPoint(5.0, 1.0),), elements=8)
@@ -36,19 +36,21 @@ def test_every_analysis_asks_the_same_check(threads: int) -> None:
             analysis()
 
 
-def test_all_processors_are_used_by_default() -> None:
-    assert checked_threads(None) == available()
+def test_all_processors_are_used_by_default(all_processors: int) -> None:
+    assert checked_threads(None) == all_processors
     with parallel(None, cases["C7"].replace(elements=16, l_i=5.0)) as count:
-        assert count == available()
+        assert count == all_processors
 
 
-def test_a_mesh_too_small_for_more_threads_is_given_one_unless_more_are_asked_for() -> None:
+def test_a_mesh_too_small_for_more_threads_is_given_one_unless_more_are_asked_for(
+    all_processors: int,
+) -> None:
     small = cases["C7"].replace(elements=14, l_i=6.0)
     for threads, right in ((None, 1), (2, 2)):
         with parallel(threads, small) as count:
             assert count == right
     with parallel(None, small.replace(domain="full")) as count:
-        assert count == available()
+        assert count == all_processors
 
 
 def test_numpy_does_not_take_the_processors_while_something_is_computed() -> None:
