@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ngspring.analysis.states import force_at
@@ -46,6 +48,8 @@ def solid_forces(
     except OutlineError as error:
         return q, str(error)
     places = [points[j].d for j in own]
-    curve = contact_load_displacement(body, places, settings=settings, threads=threads)
+    curve = contact_load_displacement(
+        body, places, settings=settings, threads=threads, onset=math.inf
+    )
     q[own] = [force_at(curve, d) for d in places]
     return q, curve.message

@@ -8,6 +8,7 @@ area gained is o times the length of the surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -200,7 +201,9 @@ def tolerance(
                 raise
             curves.append(OffsetCurve(offset, float("nan"), None, str(error)))
             continue
-        contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)
+        contact = contact_load_displacement(
+            body, wanted, settings=settings, threads=threads, onset=math.inf
+        )
         curves.append(OffsetCurve(offset, level, contact, contact.message))
     return Tolerance(design, np.array(wanted), tuple(curves))
 

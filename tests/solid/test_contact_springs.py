@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import ngsolve as ng
@@ -43,6 +44,17 @@ def test_a_hole_closes_and_the_force_rises_like_a_blocks(closing: ContactRespons
     assert (closing.contact_area[closing.d < start] > 0).all()
     assert (closing.contact_area[closing.d > start] == 0).all()
     assert closing.stiffness[0] > 2 * closing.stiffness[-1]
+
+
+def test_where_contact_starts_may_be_left_at_the_step_and_no_force_changes(
+    closing: ContactResponse,
+) -> None:
+    quick = contact_load_displacement(closing.body, [-12.0, -4.0], onset=math.inf, threads=1)
+    (start,), (exact,) = quick.contact_starts, closing.contact_starts
+    assert -12.0 < start < -4.0
+    assert start != exact
+    assert start == pytest.approx(exact, abs=4.0)
+    np.testing.assert_allclose(quick.q, closing.q[np.isin(closing.d, quick.d)], rtol=1e-6)
 
 
 def test_nothing_overlaps_by_more_than_micrometres(closing: ContactResponse) -> None:
