@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import importlib.util
 import json
 import multiprocessing
 import os
@@ -12,7 +11,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.campaigns import TINY, Watch
 
 import ngspring
 from ngspring import Design, NgspringError, ProblemError, RunFolderError, cases
@@ -32,11 +31,9 @@ from ngspring.campaign.workers import execute
 from ngspring.cli.main import cli
 from ngspring.evolution.folder import CHECKPOINT, locked
 from ngspring.problem.point import ControlPoint
-from ngspring.problem.spring import SpringProblem
 
 ROOT = Path(ngspring.__file__).parents[1]
 GALLERY = Path(__file__).parents[2] / "examples" / "paper" / "gallery.toml"
-TINY = SpringProblem((ControlPoint(-10, -2),), name="tiny", elements=8, l_i=10.0)
 
 
 def names(text: str) -> list[str]:
@@ -265,21 +262,6 @@ def test_bad_arguments(tmp_path: Path) -> None:
 
 
 # -- a campaign for real ---------------------------------------------------------------------------
-
-
-class Watch:
-    """Keeps the events of a campaign, and may act on one."""
-
-    def __init__(self, act: Callable[[Event], None] = lambda event: None) -> None:
-        self.events: list[tuple[str, str]] = []
-        self.act = act
-
-    def __call__(self, event: Event) -> None:
-        self.events.append((event.run.name, event.kind))
-        self.act(event)
-
-    def first(self, name: str, kind: str) -> int:
-        return self.events.index((name, kind))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -522,85 +504,3 @@ def test_points_with_eta_are_not_judged() -> None:
     assert Outcome(run, "failed").worst_deviation is None
     (row,) = csv.DictReader(results_csv([outcome]).splitlines())
     assert (row["q"], row["eta"], row["updates"]) == ("2.002 8.0", "0.0 2.0", "")
-
-
-# -- Dask ------------------------------------------------------------------------------------------
-
-
-def test_without_dask_or_a_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    campaign = Campaign((Run("a", TINY),))
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ProblemError, match=r"ngspring\[campaign\]"):
-        run_campaign(campaign, tmp_path, scheduler="tcp://127.0.0.1:1")
-
-
-needs_dask = pytest.mark.skipif(
-    importlib.util.find_spec("distributed") is None,
-    reason="dask.distributed is not installed (the optional extra 'campaign')",
-)
-
-
-@needs_dask
-def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ngspring.campaign.dask.SECONDS_TO_CONNECT", 0.5)
-    campaign = Campaign((Run("a", TINY),))
-    for address in ("tcp://127.0.0.1:1", "nonsense://x", "127.0.0.1:no"):
-        with pytest.raises(ProblemError, match="no Dask scheduler answers") as caught:
-            run_campaign(campaign, tmp_path, scheduler=address)
-        assert len(str(caught.value).splitlines()) == 1
-
-
-def one_dask_worker(threads: int) -> Any:
-    from distributed import LocalCluster  # type: ignore[import-not-found,unused-ignore]
-
-    return LocalCluster(n_workers=1, threads_per_worker=threads, dashboard_address=None)
-
-
-@needs_dask
-def test_a_dask_cluster(tmp_path: Path) -> None:
-    runs = [Run("first", TINY, max_updates=2), Run("in the way", TINY)]
-    runs.append(Run("last", TINY, "run:first", max_updates=1))
-    (tmp_path / "in the way").touch()
-    watch = Watch()
-    with one_dask_worker(threads=2) as cluster:
-        outcomes = run_campaign(
-            Campaign(tuple(runs)),
-            tmp_path,
-            scheduler=cluster.scheduler_address,
-            observers=[watch],
-        )
-    assert [outcome.status for outcome in outcomes] == ["not converged", "failed", "not converged"]
-    assert [outcome.updates for outcome in outcomes] == [2, None, 1]
-    assert "cannot make the folder" in outcomes[1].message
-    assert watch.first("first", "ended") < watch.first("last", "started")
-    assert (tmp_path / "results.csv").exists()
-
-
-@needs_dask
-def test_a_run_goes_on_when_its_dask_worker_is_killed(tmp_path: Path) -> None:
-    checkpoint, stop = tmp_path / "first" / CHECKPOINT, threading.Event()
-    killed: list[int] = []
-
-    def kill(pid: int) -> None:
-        while not stop.wait(0.01):
-            if checkpoint.exists():
-                os.kill(pid, signal.SIGKILL)
-                killed.append(pid)
-                return
-
-    with one_dask_worker(threads=1) as cluster:
-        (pid,) = (nanny.pid for nanny in cluster.workers.values())
-        killer = threading.Thread(target=kill, args=(pid,))
-        killer.start()
-        (outcome,) = run_campaign(
-            Campaign((Run("first", TINY),)), tmp_path, scheduler=cluster.scheduler_address
-        )
-        stop.set()
-        killer.join()
-        assert [nanny.pid for nanny in cluster.workers.values()] != [pid]
-    assert killed == [pid]
-    assert outcome.status == "converged"
-    # It went on from its checkpoint: no update is missing or there twice.
-    history = Design.load(tmp_path / "first" / "design.npz").history
-    assert history is not None
-    assert list(history["update"]) == list(range(len(history)))
