@@ -103,7 +103,9 @@ print(f"W/H = {part.relative_width:.4f}, before {design.relative_width:.4f}")
 # %%
 places = [-20, -18, -16, -14, -12, -10, -7, -4, 0, 5, 10]
 curves = {
-    name: ngspring.contact_load_displacement(ngspring.mesh_body(one), places, threads=THREADS)
+    name: ngspring.contact_load_displacement(
+        ngspring.mesh_body(one), places, threads=THREADS, onset=np.inf
+    )
     for name, one in (("C4", design), ("C4, corrected", part))
 }
 figure = new_figure(5.4, 4.2)
@@ -139,7 +141,7 @@ figure = new_figure(6.4, 3.2)
 for axes, limit in zip(figure.subplots(1, 2), (0.0, 1.12), strict=True):
     one = ngspring.optimize(fine.replace(stretch_limit=limit), threads=THREADS).design
     body = ngspring.mesh_body(one)
-    curve = ngspring.contact_load_displacement(body, [10, -10], threads=THREADS)
+    curve = ngspring.contact_load_displacement(body, [10, -10], threads=THREADS, onset=np.inf)
     stretches.append(float(curve.stretch_measure.max()))
     widths.append(one.relative_width)
     draw_design(axes, one)
