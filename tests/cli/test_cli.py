@@ -20,6 +20,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from support.commands import environment, invoke
 
@@ -40,6 +41,7 @@ from ngspring.problem.cases import cases
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
+from ngspring.view.figure import new_figure
 from ngspring.view.text import deviation_percent, duration
 
 PICTURES = ("convergence.png", "design.png")
@@ -89,6 +91,25 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 def copy(finished: SimpleNamespace, tmp_path: Path) -> Path:
     """A copy of the finished run's folder."""
     return Path(shutil.copytree(finished.folder, tmp_path / "copy"))
+
+
+@pytest.fixture
+def empty_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run's pictures show nothing, for what is not about them: real ones take a second each."""
+
+    def empty(*_: object) -> Figure:
+        return new_figure(1.0, 1.0)
+
+    for name in ("convergence_figure", "design_figure"):
+        monkeypatch.setattr(f"ngspring.view.run_files.{name}", empty)
+
+
+@pytest.fixture
+def plain_pictures(empty_figures: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The report has no pictures, either, nor anything else."""
+    monkeypatch.setattr(
+        "ngspring.view.run_files.write_report", lambda _, path: path.write_text("a report")
+    )
 
 
 # -- a whole run -----------------------------------------------------------------------------------
@@ -141,6 +162,7 @@ def test_a_finished_run_is_not_overwritten(finished: SimpleNamespace) -> None:
     assert (finished.folder / "design.npz").read_bytes() == before
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_a_design_that_hangs_on_grey_is_no_success(tmp_path: Path) -> None:
     """A target far softer than any strut of the mesh: converged, on grey material."""
     file = tmp_path / "soft.toml"
@@ -173,6 +195,7 @@ def test_resume_of_a_finished_run_draws_the_pictures_again(
     assert np.array_equal(first.coefficients, second.coefficients)
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_resume_of_a_finished_run_computes_no_load_path_again(
     finished: SimpleNamespace, copy: Path
 ) -> None:
@@ -191,6 +214,7 @@ def test_resume_refuses_another_problem(copy: Path) -> None:
     assert "another problem" in result.stderr
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_max_updates_is_success_and_says_so(finished: SimpleNamespace, tmp_path: Path) -> None:
     file, out = finished.home / "mine.toml", tmp_path / "a" / "b"
     options = ("--initial", "random", "--seed", 3, "--max-updates", 1, "--threads", 1)
@@ -223,8 +247,9 @@ def test_no_convergence_is_code_3_with_pictures(
 
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 @pytest.mark.parametrize("interrupt", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.usefixtures("plain_pictures")
 def test_an_interrupt_saves_and_says_how_to_resume(
-    tmp_path: Path, interrupt: signal.Signals
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, interrupt: signal.Signals
 ) -> None:
     command = ("optimize", "c4", "--elements", 12, "--threads", 1)
     with start(*command, cwd=tmp_path) as process:
@@ -242,9 +267,8 @@ def test_an_interrupt_saves_and_says_how_to_resume(
     saved = Design.load(tmp_path / "runs" / "C4-12" / "design.npz")
     assert saved.history is not None
     more = len(saved.history)
-    with start(*again[1:], "--max-updates", more, cwd=tmp_path) as process:
-        out, err = process.communicate()
-    assert process.returncode == 0, err
+    monkeypatch.chdir(tmp_path)
+    out = invoke(*again[1:], "--max-updates", more).stdout
     # A resumed run first says where it stands.
     assert re.findall(r"^update +(\d+)", out, re.M) == [str(more - 1), str(more)]
 
@@ -495,6 +519,7 @@ def test_warnings_of_libraries_are_for_the_log_only(
     assert "a warning of matplotlib" in log.read_text()
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_verbose_and_log_file(finished: SimpleNamespace, tmp_path: Path) -> None:
     log = tmp_path / "log.txt"
     file, out = finished.home / "mine.toml", tmp_path / "out"
@@ -521,6 +546,7 @@ def test_logging_options_may_stand_behind_the_command(
     assert not logging.getLogger("ngspring").handlers
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_resume_says_that_a_run_only_begins(finished: SimpleNamespace, tmp_path: Path) -> None:
     options = ("--max-updates", 1, "--threads", 1, "--out", tmp_path / "new", "--resume")
     file = finished.home / "mine.toml"

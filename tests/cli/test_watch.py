@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from support.commands import invoke
 
 from ngspring import ControlPoint, Design, RunFolderError, SpringProblem, gallery, optimize
@@ -94,6 +95,15 @@ def sleeps(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], object]]:
 
     monkeypatch.setattr("ngspring.cli.watch.time.sleep", sleep)
     return steps
+
+
+@pytest.fixture
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures in reports are their ids, for what is about when a report is written, and where."""
+    monkeypatch.setattr(
+        "ngspring.view.report.picture",
+        lambda name, *_, **__: Markup('<p id="{}"></p>').format(name),
+    )
 
 
 # -- what state a run is in ------------------------------------------------------------------------
@@ -309,6 +319,7 @@ def test_watching_a_run_that_has_ended_writes_one_report(run: Path) -> None:
     assert "stopped after 4 design updates, as asked" in (run / REPORT).read_text()
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_watching_goes_on_until_the_run_ends(
     run: Path, sleeps: list[Callable[[], object]], tmp_path: Path
 ) -> None:
@@ -347,6 +358,7 @@ def test_watching_goes_on_until_the_run_ends(
     assert not (run / REPORT).exists()
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_watching_once_does_not_wait(run: Path, sleeps: list[Callable[[], object]]) -> None:
     with locked(run):
         result = invoke("watch", run, "--once", "--interval", 0.5)
@@ -354,6 +366,7 @@ def test_watching_once_does_not_wait(run: Path, sleeps: list[Callable[[], object
     assert 'content="1"' in (run / REPORT).read_text()
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_watching_waits_for_the_first_design(
     begun: Path, tmp_path: Path, sleeps: list[Callable[[], object]]
 ) -> None:
@@ -396,6 +409,7 @@ def test_watching_a_campaign_writes_an_index_and_every_report(run: Path, finishe
     assert "damaged: " in result.stdout
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_watching_a_campaign_goes_on_while_the_campaign_does(
     run: Path, finished: Path, sleeps: list[Callable[[], object]]
 ) -> None:
@@ -455,6 +469,7 @@ def test_a_run_without_a_design_yet_cannot_be_reported_once(tmp_path: Path) -> N
         assert "has no design yet" in invoke("watch", folder, "--once", code=2).stderr
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_report_that_cannot_be_written_is_one_line(run: Path, tmp_path: Path) -> None:
     result = invoke("watch", run, "--out", tmp_path / "nowhere" / "x.html", code=2)
     assert "cannot write" in result.stderr
@@ -469,6 +484,7 @@ def _update(design: Design, accepted: bool = True) -> Update:
     return Update(accepted, design.history.last(), 1.0, "", design)
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_the_report_is_not_written_more_often_than_it_may(tmp_path: Path) -> None:
     path = tmp_path / REPORT
     writer = ReportWriter(path, interval=1000.0)
@@ -481,6 +497,7 @@ def test_the_report_is_not_written_more_often_than_it_may(tmp_path: Path) -> Non
     assert not path.exists()
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_writing_takes_a_small_share_of_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -497,6 +514,7 @@ def test_writing_takes_a_small_share_of_the_run(
     assert path.exists()
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_report_that_cannot_be_written_does_not_end_the_run(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -531,6 +549,7 @@ def test_optimize_keeps_the_report_up_to_date(
     assert 'id="states"' in report
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_ctrl_c_leaves_a_report_of_the_stopped_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
