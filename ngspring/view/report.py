@@ -286,7 +286,6 @@ def _convergence(history: History, problem: SpringProblem, design: Design) -> di
             f"dt, the objective C, its control-point terms and the volume as {symbol} over the"
             " design updates.",
             dpi=90,
-            margins=(0.14, 0.07, 0.97, 0.94),
         ),
         "forces": picture(
             "forces",
