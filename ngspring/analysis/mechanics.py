@@ -35,6 +35,7 @@ from ngspring.physics.chi import CF, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.grey import grey_share
 from ngspring.physics.offset import OffsetField
+from ngspring.physics.pressure import PressureField
 from ngspring.physics.void import VoidRegularisation, dx
 from ngspring.problem.imperfection import Offset
 from ngspring.problem.scaling import force_unit
@@ -127,6 +128,9 @@ class Mechanics:
         self.images: Images = images(scalar, self.odd_in)
         self.free = self.images.free
         self.void = VoidRegularisation(scalar)
+        self._pressure: PressureField | None = None
+        if PressureField.needed(problem):
+            self._pressure = PressureField(scalar, self.void.table)
         self._field = ng.GridFunction(scalar.space)
         self._offset = OffsetField(problem, [self.odd_in] if self.odd_in else [])
         table = self.void.table
@@ -167,6 +171,9 @@ class Mechanics:
         r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
         both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
         self._void_maps = [product_map(*both, P, P, pattern) for P in matrices]
+        if self._pressure is not None:
+            of_pressure = self._pressure.places
+            self._pressure_maps = [product_map(*of_pressure, P, P, pattern) for P in matrices]
         self._transposed = [P.T.tocsr() for P in matrices]
         rows, columns = pattern.rows, pattern.columns
         if wants_upper(solver):
@@ -221,6 +228,9 @@ class Mechanics:
             with tasks():
                 self._form.AssembleLinearization(self._u.vec)
             values += copy.share * (self._maps[k] @ stored_values(self._form))
+            if self._pressure is not None:
+                element = self._pressure.stiffness(self._at_points[k], field)
+                values += copy.share * (self._pressure_maps[k] @ element.ravel())
         return values
 
     def set_design(self, chi: FloatArray, offset: Offset) -> None:
@@ -253,6 +263,8 @@ class Mechanics:
                 of_law = float(self._form.Energy(self._u.vec))
             of_void = 0.5 * float(field @ self.void.forces(self._at_points[k], field))
             energy += copy.share * (of_law + of_void)
+            if self._pressure is not None:
+                energy += copy.share * self._pressure.energy(self._at_points[k], field)
         return energy
 
     def grey_share(self, d: float, u: FloatArray) -> float:
@@ -269,6 +281,8 @@ class Mechanics:
             with tasks():
                 self._form.Apply(self._u.vec, self._result)
             total = self._result.FV().NumPy() + self.void.forces(self._at_points[k], field)
+            if self._pressure is not None:
+                total = total + self._pressure.forces(self._at_points[k], field)
             forces += copy.share * (self._transposed[k] @ total)
         return forces
 

@@ -34,6 +34,7 @@ from ngspring.fem.grid import ScalarSpace
 from ngspring.fem.linear import inertia
 from ngspring.physics.chi import stiffness
 from ngspring.physics.elasticity import measure, strain_energy
+from ngspring.problem.material import split_bulk_modulus
 
 #: At most so many negative eigenvalues are computed (all of them are counted).
 MOST_NEGATIVE = 24
@@ -229,7 +230,8 @@ class FullTangent:
         hoop = problem.motion.F_33(u_x, self.body.void.table.x.ravel(), problem.L) - 1.0
         trace = a + e + hoop
         squared = a**2 + e**2 + hoop**2 + (b + c) ** 2 / 2
-        density = problem.K * trace**2 + 2 * problem.G * (squared - trace**2 / 3)
+        bulk = split_bulk_modulus(problem.K, problem.G)[0]
+        density = bulk * trace**2 + 2 * problem.G * (squared - trace**2 / 3)
         energy = (self._weights.ravel() * density).astype(float)
         parts = np.bincount(self._region.ravel(), weights=energy, minlength=3)
         solid, grey, void = (float(part) for part in parts / parts.sum())

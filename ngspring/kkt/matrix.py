@@ -25,6 +25,7 @@ from ngspring.fem.reduction import (
     united,
 )
 from ngspring.physics.lagrangian import ControlPointForm, DesignForm
+from ngspring.physics.pressure import PressureBlocks
 from ngspring.physics.void import VoidBlocks
 
 #: Name of a piece of the triangle, and the control point it belongs to.
@@ -43,6 +44,8 @@ class StoredEntries:
         Rows and columns of these, within the block.
     void : dict
         Rows and columns of the entries of the void's element matrices.
+    pressure : tuple of arrays, optional
+        Those of the pressure field's by two displacements, if there is one.
     lam_unit : float
         Unit of lam of the form's values.
     """
@@ -50,6 +53,7 @@ class StoredEntries:
     entries: dict[str, IntArray]
     places: dict[str, tuple[IntArray, IntArray]]
     void: dict[str, tuple[IntArray, IntArray]]
+    pressure: tuple[IntArray, IntArray] | None
     lam_unit: float
 
     @classmethod
@@ -73,7 +77,8 @@ class StoredEntries:
         twice, both = np.concatenate([r, r]), np.concatenate([c, c + n])
         of_u = np.concatenate([r, r + n]), both
         void = {"chi_chi": (r, c), "chi_u": (twice, both), "chi_lam": (twice, both), "u_lam": of_u}
-        return cls(entries, places, void, form.lam_unit)
+        pressure = None if form.pressure is None else form.pressure.places
+        return cls(entries, places, void, pressure, form.lam_unit)
 
 
 #: Blocks of the form's own matrix by chi, u and lam.
@@ -112,6 +117,9 @@ class PointMaps:
             self.patterns[name] = pattern
             self._maps[name] = [product_map(r, c, *pair, pattern) for pair in pairs]
             self._void_maps[name] = scatter_map(r, c, right[0].shape[0], *stored.void[name])
+        if stored.pressure is not None:
+            r, c = stored.places["u_lam"]
+            self._pressure_map = scatter_map(r, c, matrices[0].shape[0], *stored.pressure)
         self._arrange()
 
     def _arrange(self) -> None:
@@ -152,7 +160,14 @@ class PointMaps:
             "top_top": on_top(np.array([top])),
         }
 
-    def block(self, name: str, k: int, values: FloatArray, void: VoidBlocks) -> FloatArray:
+    def block(
+        self,
+        name: str,
+        k: int,
+        values: FloatArray,
+        void: VoidBlocks,
+        pressure: PressureBlocks | None,
+    ) -> FloatArray:
         """The part of copy k in a block, on the independent unknowns.
 
         Parameters
@@ -162,24 +177,34 @@ class PointMaps:
         values : array
             Stored values of the control point's form.
         void : VoidBlocks
+        pressure : PressureBlocks or None
         """
         share = self._share[k]
         stored = values[self._stored.entries[name]]
-        if name == "u_u":
-            return np.asarray(share * (self._maps["u_lam"][k] @ stored)[self.inner])
         if name.endswith("_lam"):
             stored /= self._stored.lam_unit
-        if name == "u_lam":
-            stiffness = void.stiffness.ravel()
-            element = np.concatenate([stiffness, stiffness])
-        else:
-            element = getattr(void, name).ravel()
-        stored += self._void_maps[name] @ element
+        if name in self._void_maps:
+            stored += self._void_maps[name] @ _of_elements(name, void, pressure)
+        if pressure is not None and name in ("u_u", "u_lam"):
+            stored += self._pressure_map @ getattr(pressure, name).ravel()
+        if name == "u_u":
+            return np.asarray(share * (self._maps["u_lam"][k] @ stored)[self.inner])
         return np.asarray(share * (self._maps[name][k] @ stored))
 
     def share(self, k: int) -> float:
         """Part of the measure that copy k stands for."""
         return self._share[k]
+
+
+def _of_elements(name: str, void: VoidBlocks, pressure: PressureBlocks | None) -> FloatArray:
+    """Element matrices in the order of the void's map."""
+    if name == "u_lam":
+        stiffness = void.stiffness.ravel()
+        return np.concatenate([stiffness, stiffness])
+    element: FloatArray = getattr(void, name)
+    if pressure is not None:
+        element = element + getattr(pressure, name)
+    return element.ravel()
 
 
 class BlockMaps:
@@ -286,6 +311,7 @@ class BlockMaps:
         copy: tuple[int, int],
         stored: FloatArray,
         void: VoidBlocks,
+        pressure: PressureBlocks | None,
         weight: float,
         scales: tuple[float, float, float],
     ) -> FloatArray:
@@ -299,6 +325,7 @@ class BlockMaps:
         stored : array
             Stored values of the control point's form.
         void : VoidBlocks
+        pressure : PressureBlocks or None
         weight : float
             w of the control point.
         scales : tuple of float
@@ -317,7 +344,7 @@ class BlockMaps:
             (self.add if k else self.write)(name, values, j)
 
         def block(name: str) -> FloatArray:
-            return maps.block(name, k, stored, void)
+            return maps.block(name, k, stored, void, pressure)
 
         # One after the other, so that little is held at a time.
         chi_u, chi_lam = block("chi_u"), block("chi_lam")
@@ -338,7 +365,7 @@ class BlockMaps:
         # q is eliminated once, and not for every copy.
         self.write("top_top", np.array([-(r**2) / weight]), j)
         own = stored[self._stored.entries["chi_chi"]]
-        own += self._void_map @ void.chi_chi.ravel()
+        own += self._void_map @ _of_elements("chi_chi", void, pressure)
         return np.asarray(maps.share(k) * (self._map @ own))
 
     def diagonal(self) -> FloatArray:

@@ -274,9 +274,9 @@ class CoupledSystem:
             for k, copy in enumerate(self.images[j].copies):
                 with self.timings.part("assembly"):
                     offset = point.offset.mirrored(copy.sign)
-                    stored, void = self.control_point.tangent(vectors[k], offset)
+                    tangent = self.control_point.tangent(vectors[k], offset)
                 with self.timings.part("reduction"):
-                    chi_chi += maps.write_control_point((j, k), stored, void, point.weight, scales)
+                    chi_chi += maps.write_control_point((j, k), *tangent, point.weight, scales)
         with self.timings.part("reduction"):
             maps.write("chi_chi", t**2 * chi_chi)
             finite = np.isfinite(maps.triangle.data).all()

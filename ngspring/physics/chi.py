@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
+from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
 
 #: A coefficient function of NGSolve, which has no type information of its own.
@@ -59,6 +60,33 @@ def stiffness(chi: Field, problem: SpringProblem) -> Field:
     """
     e_0, p = problem.E_0, problem.p
     return e_0 + (1 - e_0) / (1 + (1 + p) * _decay(chi))
+
+
+def excess_stiffness(chi: Field, problem: SpringProblem) -> Field:
+    """Interpolation of the excess bulk modulus, which a pressure field carries, by Eq. 3.
+
+    With ``1 + p`` larger and ``E_0`` smaller by K over its part that displacements carry: in solid
+    it is 1, while grey and void have at most twice the bulk modulus that E(chi) gives them. With
+    E(chi) itself a grey of a thousandth of the stiffness could not be compressed, and would keep
+    surfaces apart that are about to touch.
+    """
+    e_0, s = _excess_ramp(chi, problem)
+    return e_0 + (1 - e_0) * s
+
+
+def excess_stiffness_derivatives(
+    chi: FloatArray, problem: SpringProblem
+) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative of `excess_stiffness`."""
+    e_0, s = _excess_ramp(chi, problem)
+    first = (1 - e_0) * s * (1 - s)
+    return first, first * (1 - 2 * s)
+
+
+def _excess_ramp(chi: Field, problem: SpringProblem) -> tuple[float, Field]:
+    """Its value in void, and the sigmoid from there to 1."""
+    ratio = problem.K / split_bulk_modulus(problem.K, problem.G)[0]
+    return problem.E_0 / ratio, 1 / (1 + (1 + problem.p) * ratio * _decay(chi))
 
 
 def void_indicator(chi: Field) -> Field:

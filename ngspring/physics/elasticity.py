@@ -7,11 +7,14 @@ expressions of NGSolve.
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cached_property
 
 import ngsolve as ng
 
 from ngspring.physics.chi import CF
+from ngspring.problem.laws.base import Law
+from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
 
 
@@ -84,9 +87,21 @@ def gradient(u: CF, grad_u: CF, problem: SpringProblem) -> Gradient:
     return Gradient(ng.Id(2) + grad_u, F_33(u, problem))
 
 
+def pointwise_law(problem: SpringProblem) -> Law:
+    """The law as it is integrated point by point.
+
+    Where the solid is nearly incompressible without the excess of its bulk modulus, which a
+    pressure field carries (`ngspring.problem.material.split_bulk_modulus`).
+    """
+    carried, excess = split_bulk_modulus(problem.K, problem.G)
+    law = problem.law
+    # Every law is a dataclass with its K.
+    return dataclasses.replace(law, K=carried) if excess else law  # type: ignore[type-var]
+
+
 def strain_energy(u: CF, grad_u: CF, problem: SpringProblem) -> CF:
-    """Strain energy density of the solid, Eq. 14 without E(chi), in MPa."""
-    return problem.law.energy(gradient(u, grad_u, problem))
+    """Strain energy density of the solid, Eq. 14 without E(chi), in MPa, by `pointwise_law`."""
+    return pointwise_law(problem).energy(gradient(u, grad_u, problem))
 
 
 def virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -> CF:
@@ -95,7 +110,7 @@ def virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -
     From the law's partial derivatives where it has them, otherwise taken by NGSolve.
     """
     F = gradient(u, grad_u, problem)
-    partial = problem.law.partial_derivatives(F)
+    partial = pointwise_law(problem).partial_derivatives(F)
     if partial is None:
         return automatic_virtual_work(u, grad_u, v, grad_v, problem)
     by_I_1, by_log_J = partial
@@ -107,11 +122,19 @@ def virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -
     return work
 
 
+def volume_rate(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -> CF:
+    """Derivative of ln J in direction v."""
+    F = gradient(u, grad_u, problem)
+    rate = ng.InnerProduct(ng.Inv(F.in_plane).trans, grad_v)
+    delta_F_33 = problem.motion.delta_F_33(v[0], ng.x, problem.L)
+    return rate if delta_F_33 is None else rate + delta_F_33 / F.F_33
+
+
 def automatic_virtual_work(u: CF, grad_u: CF, v: CF, grad_v: CF, problem: SpringProblem) -> CF:
     """The same as NGSolve's derivative of the energy, for any law."""
     in_plane = (ng.Id(2) + grad_u).MakeVariable()
     out_of_plane = F_33(u, problem).MakeVariable()
-    energy = problem.law.energy(Gradient(in_plane, out_of_plane))
+    energy = pointwise_law(problem).energy(Gradient(in_plane, out_of_plane))
     work = ng.InnerProduct(energy.Diff(in_plane), grad_v)
     delta_F_33 = problem.motion.delta_F_33(v[0], ng.x, problem.L)
     if delta_F_33 is not None:

@@ -29,6 +29,7 @@ from ngspring.fem.reduction import form_matrix, stored_values
 from ngspring.physics.chi import CF, rho, stiffness
 from ngspring.physics.elasticity import measure, virtual_work
 from ngspring.physics.offset import OffsetField
+from ngspring.physics.pressure import PressureBlocks, PressureField
 from ngspring.physics.terms import TERMS
 from ngspring.physics.terms.base import Fields, Term
 from ngspring.physics.void import (
@@ -43,7 +44,7 @@ from ngspring.problem.spring import SpringProblem
 
 
 def internal_virtual_work(chi: CF, u: CF, lam: CF, problem: SpringProblem) -> CF:
-    """Integrand over the mesh of R (Eq. 19) without the void's term.
+    """Integrand over the mesh of R (Eq. 19) without the terms of the void and of a pressure field.
 
     Parameters
     ----------
@@ -100,6 +101,9 @@ class ControlPointForm:
         self.form = ng.BilinearForm(self.space, symmetric=True)
         self.form += ng.Variation(density.Compile() * dx())
         self.void = VoidRegularisation(scalar)
+        self.pressure: PressureField | None = None
+        if PressureField.needed(problem):
+            self.pressure = PressureField(scalar, self.void.table)
         self._state = ng.GridFunction(self.space)
         self._result = self._state.vec.CreateVector()
         fields = fields_with_displacements(chi, self._offset.value, u)
@@ -128,19 +132,27 @@ class ControlPointForm:
         void = self.void.residual(at_points, vector[n : 3 * n], vector[3 * n :])
         result = np.array(self._result.FV().NumPy())
         result[3 * n :] /= self.lam_unit
-        return np.asarray(result + np.concatenate(void))
+        result = result + np.concatenate(void)
+        if self.pressure is not None:
+            pressure = self.pressure.residual(at_points, vector[n : 3 * n], vector[3 * n :])
+            result = result + np.concatenate(pressure)
+        return np.asarray(result)
 
-    def tangent(self, vector: FloatArray, offset: Offset) -> tuple[FloatArray, VoidBlocks]:
-        """Second derivative: values on the form's pattern, and the void's blocks.
+    def tangent(
+        self, vector: FloatArray, offset: Offset
+    ) -> tuple[FloatArray, VoidBlocks, PressureBlocks | None]:
+        """Second derivative: values on the form's pattern, the void's blocks and the pressure's.
 
-        The values are by lam in units of `lam_unit`, the void's blocks by lam in N^-1.
+        The values are by lam in units of `lam_unit`, the blocks by lam in N^-1.
         """
         at_points = self._load(vector, offset)
         with tasks():
             self.form.AssembleLinearization(self._state.vec)
         n = self.ndof
-        blocks = self.void.blocks(at_points, vector[n : 3 * n], vector[3 * n :])
-        return stored_values(self.form), blocks
+        u, lam = vector[n : 3 * n], vector[3 * n :]
+        void = self.void.blocks(at_points, u, lam)
+        pressure = None if self.pressure is None else self.pressure.blocks(at_points, u, lam)
+        return stored_values(self.form), void, pressure
 
     def values(self, vector: FloatArray, offset: Offset) -> dict[str, float]:
         """The terms that depend on displacements, at one control point."""

@@ -19,6 +19,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.fem.grid import ScalarSpace
 from ngspring.physics.chi import CF, void_indicator, void_indicator_derivatives
 from ngspring.physics.elasticity import measure
+from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -30,8 +31,12 @@ def dx() -> Any:
 
 
 def void_regularisation_scale(problem: SpringProblem) -> float:
-    """k_r K H^2, the weight of the void regularisation in Eq. 14, in N."""
-    return problem.k_r * problem.K * problem.H**2
+    """k_r K H^2, the weight of the void regularisation in Eq. 14, in N.
+
+    With no more of K than displacements carry (`ngspring.problem.material.split_bulk_modulus`): k_r
+    means the same whatever the solid's K.
+    """
+    return problem.k_r * split_bulk_modulus(problem.K, problem.G)[0] * problem.H**2
 
 
 def void_virtual_work(chi: CF, u: CF, lam: CF, problem: SpringProblem) -> CF:
@@ -65,7 +70,25 @@ class VoidBlocks:
 
 
 class ElementTable:
-    """Values and second derivatives of the nine basis functions at the nine Gauss points."""
+    """Values and derivatives of the nine basis functions at the nine Gauss points.
+
+    Attributes
+    ----------
+    dofs : int array (elements, 9)
+        Of each element.
+    value : array (9, 9)
+        Rows are Gauss points, columns basis functions.
+    gradient : array (2, 9, 9)
+        By x and y.
+    hesse : array (3, 9, 9)
+        xx, yy and sqrt 2 xy.
+    x, y : arrays (elements, 9)
+        The Gauss points in mm.
+    local : array (2, 9)
+        The same from -1 to 1 across an element.
+    weights : array (elements, 9)
+        Of the integral over the whole spring.
+    """
 
     def __init__(self, scalar: ScalarSpace) -> None:
         grid = scalar.grid
@@ -89,6 +112,7 @@ class ElementTable:
             return np.asarray(product * height)
 
         self.value = table(value, value)
+        self.gradient = np.stack([table(slope, value) / hx, table(value, slope) / hy])
         # H : H counts the mixed derivative twice.
         self.hesse = np.stack(
             [
@@ -98,6 +122,7 @@ class ElementTable:
             ]
         )
         gx, gy = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
+        self.local = np.stack([2 * gx - 1, 2 * gy - 1])
         self.x = hx * (i[:, None] + gx)
         self.y = hy * (j[:, None] + gy)
         weights = np.outer(GAUSS_WEIGHTS, GAUSS_WEIGHTS).ravel() / 4 * hx * hy

@@ -17,8 +17,12 @@ from ngspring.basics.errors import ProblemError
 #: Poisson's ratio of the paper's solid (K = 5/3 MPa, G = 5/14 MPa), and the one taken by default.
 NU = 0.4
 
-#: Above this the solid is nearly incompressible, see `nu_advice`.
-LARGEST_NU = 0.47
+#: Above this the solid is nearly incompressible: what its bulk modulus has more than one with this
+#: ratio goes through a pressure field, see `split_bulk_modulus`.
+LARGEST_NU = 0.45
+
+#: Above this nothing has been tried, see `nu_advice`.
+NEAREST_NU = 0.4999
 
 #: Gent's relation is used between these hardnesses; beyond them it is a guess.
 GENT_RANGE = (20.0, 80.0)
@@ -64,6 +68,32 @@ def young_and_poisson(K: float, G: float) -> tuple[float, float]:
     return 9 * K * G / (3 * K + G), (3 * K - 2 * G) / (6 * K + 2 * G)
 
 
+def split_bulk_modulus(K: float, G: float) -> tuple[float, float]:
+    """The part of K that displacements carry at every point, and the excess of a pressure field.
+
+    A displacement element locks where K is far larger than G: it cannot keep its volume at every
+    point and bend. So only as much of K is taken point by point as a solid with nu = `LARGEST_NU`
+    has, and the rest acts on a smoother change of volume (`ngspring.physics.pressure`, and
+    `ngspring.solid.contact.pressure`). Up to that nu there is no rest, and the formulation is that
+    of the paper; above, forces go on continuously.
+
+    Parameters
+    ----------
+    K, G : float
+        Initial bulk and shear modulus in MPa.
+
+    Returns
+    -------
+    tuple of float
+        Both in MPa; their sum is K.
+    """
+    largest = bulk_and_shear_modulus(1.0, LARGEST_NU)
+    carried = G * largest[0] / largest[1]
+    excess = K - carried
+    # K and G of this very nu must not differ from it by rounding.
+    return (K, 0.0) if excess <= 1e-9 * carried else (carried, excess)
+
+
 def young_from_shore_A(hardness: float) -> float:
     """Young's modulus in MPa of a rubber with a Shore A hardness, by Gent's relation.
 
@@ -92,20 +122,16 @@ def young_from_shore_A(hardness: float) -> float:
 
 
 def nu_advice(nu: float) -> str:
-    """What to know about a Poisson's ratio close to 0.5; empty for others.
+    """What to know about a Poisson's ratio very close to 0.5; empty for others.
 
-    Rubber itself has nu > 0.499. In the displacement formulation of the paper a nearly
-    incompressible element locks, quadratic ones moderately. Two curved walls 15 mm thick that bend
-    in the 100 x 100 mm domain are, on 16 x 16 elements (2.4 across a wall), stiffer than on 64 x 64
-    by 1.4 % for nu = 0.4, 2.1 % for 0.45, 5.6 % for 0.49 and 21 % for 0.499; on 32 x 32 by 0.3,
-    0.4, 1.0 and 3.5 %.
+    Up to `NEAREST_NU` there is nothing to know: above `LARGEST_NU` a pressure field keeps elements
+    from locking (`split_bulk_modulus`).
     """
-    if nu <= LARGEST_NU:
+    if nu <= NEAREST_NU + 1e-9:
         return ""
     return (
-        f"nu = {nu:g} is nearly incompressible: displacement elements lock and appear too stiff;"
-        " 0.4 to 0.45 is advised, with the E that was measured (a spring bends and stretches, so"
-        " E decides; in plane strain through E / (1 - nu^2))"
+        f"nu = {nu:g} is closer to 0.5 than has been tried, and the linear systems lose digits:"
+        f" {NEAREST_NU} is as incompressible as a spring can tell, since it may bulge"
     )
 
 

@@ -17,6 +17,7 @@ from ngspring.problem.material import (
     find_elastomer,
     moduli_from,
     nu_advice,
+    split_bulk_modulus,
     young_and_poisson,
     young_from_shore_A,
 )
@@ -167,6 +168,22 @@ def test_contradictory_materials_are_refused(described: dict[str, Any], part: st
         moduli_from(described)
 
 
-def test_only_nearly_incompressible_solids_get_advice() -> None:
-    assert nu_advice(0.45) == ""
-    assert "lock" in nu_advice(0.49)
+def test_only_solids_closer_to_incompressible_than_has_been_tried_get_advice() -> None:
+    for nu in (0.45, 0.49, 0.4999):
+        assert nu_advice(young_and_poisson(*bulk_and_shear_modulus(1.7, nu))[1]) == ""
+    assert "0.49999" in nu_advice(0.49999)
+
+
+@pytest.mark.parametrize("nu", [-0.2, 0.4, 0.45])
+def test_all_of_k_is_carried_point_by_point_up_to_a_poissons_ratio_of_0_45(nu: float) -> None:
+    K, G = bulk_and_shear_modulus(1.7, nu)
+    assert split_bulk_modulus(K, G) == (K, 0.0)
+
+
+def test_of_a_larger_k_no_more_than_that_is_carried_point_by_point() -> None:
+    largest, G = bulk_and_shear_modulus(1.7, 0.45)
+    for ratio in (1 + 1e-6, 1.5, 500.0):
+        carried, excess = split_bulk_modulus(ratio * largest, G)
+        assert carried == pytest.approx(largest, rel=1e-12)
+        assert carried + excess == pytest.approx(ratio * largest, rel=1e-15)
+        assert excess > 0.0

@@ -19,9 +19,16 @@ from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.constraints import DisplacementExtraction
 from ngspring.fem.grid import Grid
 from ngspring.fem.process import tasks
-from ngspring.fem.reduction import csr_pattern, product_map, product_pattern, stored_values
+from ngspring.fem.reduction import (
+    Pattern,
+    csr_pattern,
+    product_map,
+    product_pattern,
+    stored_values,
+)
 from ngspring.physics.chi import CF
 from ngspring.physics.elasticity import measure, strain_energy, virtual_work
+from ngspring.solid.contact.pressure import Excess, NodalPressure
 from ngspring.solid.mesh.body import Body
 
 #: Energy per area of the mesh (thickness or 2 pi r and the number of copies included) from u and
@@ -89,6 +96,13 @@ class Solid:
         Stretch out of the plane from u; 1 by default.
     thickness : ngsolve.CoefficientFunction, optional
         Volume per area of the mesh in mm; 1 by default.
+    excess : Excess, optional
+        A bulk modulus on top of that of the density, see `ngspring.solid.contact.pressure`.
+
+    Attributes
+    ----------
+    pressure : NodalPressure or None
+        What carries it.
     """
 
     def __init__(
@@ -99,6 +113,7 @@ class Solid:
         floating: IntArray | None = None,
         stretch_33: Callable[[CF], CF] | None = None,
         thickness: CF | None = None,
+        excess: Excess | None = None,
     ) -> None:
         self.mesh = mesh
         self.space = ng.VectorH1(mesh, order=2)
@@ -120,6 +135,11 @@ class Solid:
         rows, columns = csr_pattern(self._form)
         #: Places of `tangent_values`, both triangles.
         self.pattern = product_pattern(rows, columns, self.matrix, self.matrix)
+        self.pressure: NodalPressure | None = None
+        if excess is not None:
+            self.pressure = NodalPressure(mesh, excess, matrix, _rules())
+            keys = np.union1d(self.pattern.keys, self.pressure.pattern.keys)
+            self.pattern = Pattern(keys, self.pattern.shape)
         self._map = product_map(rows, columns, self.matrix, self.matrix, self.pattern)
         reduced = self.tangent(np.zeros(self.space.ndof))
         self.diagonal_at_rest: FloatArray = np.array(reduced.diagonal()[: self.free])
@@ -130,21 +150,25 @@ class Solid:
         return int(self.space.ndof) // 2
 
     def set(self, full: FloatArray) -> None:
-        """Load dofs into the grid function `u`."""
+        """Load dofs into the grid function `u`, and into `pressure`."""
         self.u.vec.FV().NumPy()[:] = full
+        if self.pressure is not None:
+            self.pressure.set(full)
 
     def energy(self, full: FloatArray) -> float:
         """Strain energy in N mm; not finite if an element is inverted at an integration point."""
-        self.set(full)
+        self.u.vec.FV().NumPy()[:] = full
         with tasks():
-            return float(self._form.Energy(self.u.vec))
+            energy = float(self._form.Energy(self.u.vec))
+        return energy if self.pressure is None else energy + self.pressure.energy(full)
 
     def forces(self, full: FloatArray) -> FloatArray:
         """Derivative of the energy by the dofs, in N."""
-        self.set(full)
+        self.u.vec.FV().NumPy()[:] = full
         with tasks():
             self._form.Apply(self.u.vec, self._result)
-        return np.array(self._result.FV().NumPy())
+        forces = np.array(self._result.FV().NumPy())
+        return forces if self.pressure is None else forces + self.pressure.forces(full)
 
     def tangent(self, full: FloatArray) -> sp.csr_matrix:
         """Second derivative by the free unknowns and d (last row and column), both triangles."""
@@ -152,10 +176,15 @@ class Solid:
 
     def tangent_values(self, full: FloatArray) -> FloatArray:
         """The entries of `tangent` in the places of `pattern`."""
-        self.set(full)
+        self.u.vec.FV().NumPy()[:] = full
         with tasks():
             self._form.AssembleLinearization(self.u.vec)
-        return np.asarray(self._map @ stored_values(self._form))
+        values = np.asarray(self._map @ stored_values(self._form))
+        if self.pressure is not None:
+            part = self.pressure.tangent(full).tocoo()
+            keys = part.row.astype(np.int64) * part.shape[1] + part.col
+            values[np.searchsorted(self.pattern.keys, keys)] += part.data
+        return values
 
     def inverted(self, full: FloatArray) -> bool:
         """Whether det F <= 0 at an integration point or a vertex."""
@@ -205,9 +234,21 @@ def _largest_stretch(strain: FloatArray) -> FloatArray:
 
 
 def spring_density(body: Body) -> Density:
-    """Energy density of a spring's solid: Eq. 14 with E(chi) = 1, for the whole spring."""
+    """Energy density of a spring's solid: Eq. 14 with E(chi) = 1, for the whole spring.
+
+    Without the excess of a nearly incompressible one (`ngspring.solid.contact.pressure`).
+    """
     problem = body.problem
     return lambda u, grad_u: measure(problem) * strain_energy(u, grad_u, problem)
+
+
+def _virtual_work(body: Body, solid: Solid, grad_u: CF, v: CF, grad_v: CF) -> CF:
+    """P : delta F per area of the mesh, for the whole spring."""
+    problem = body.problem
+    work = measure(problem) * virtual_work(solid.u, grad_u, v, grad_v, problem)
+    if solid.pressure is not None:
+        work = work + solid.pressure.virtual_work(solid.u, grad_u, v, grad_v)
+    return work
 
 
 def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
@@ -225,9 +266,9 @@ def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
     # One over H for the quarter, too: it is stretched by half a millimetre over half the height.
     height = body.problem.H
     v, grad_v = ng.CF((0, ng.y / height)), ng.CF((0, 0, 0, 1 / height), dims=(2, 2))
-    work = virtual_work(solid.u, ng.Grad(solid.u), v, grad_v, body.problem)
+    work = _virtual_work(body, solid, ng.Grad(solid.u), v, grad_v)
     with tasks():
-        total = measure(body.problem) * work * ng.dx(intrules=_rules())
+        total = work * ng.dx(intrules=_rules())
         return float(ng.Integrate(total, solid.mesh))
 
 
@@ -242,10 +283,10 @@ def side_force(body: Body, solid: Solid, full: FloatArray, side: str) -> float:
     grid = Grid(body.problem)
     at_side = ng.BoundaryFromVolumeCF(ng.Grad(solid.u))
     zero, vertical = ng.CF((0, 0)), ng.CF((0, 0, 0, 1), dims=(2, 2))
-    stress = virtual_work(solid.u, at_side, zero, vertical, body.problem)
+    stress = _virtual_work(body, solid, at_side, zero, vertical)
     share = grid.sector.share
     with tasks():
-        total = measure(body.problem) * stress * ng.ds(side, bonus_intorder=4)
+        total = stress * ng.ds(side, bonus_intorder=4)
         return share * float(ng.Integrate(total, solid.mesh))
 
 

@@ -17,12 +17,14 @@ from ngspring.basics.errors import ProblemError
 from ngspring.fem.process import parallel
 from ngspring.physics.elasticity import F_33
 from ngspring.physics.elasticity import measure as measure_of
+from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.scaling import force_unit, length_unit
 from ngspring.problem.spring import SpringProblem
 from ngspring.solid.contact.contact import Contact, ContactLaw
 from ngspring.solid.contact.elasticity import Solid, section_force, side_force, spring_density
 from ngspring.solid.contact.mechanics import ContactMechanics, ContactPoint
 from ngspring.solid.contact.onset import contact_onset
+from ngspring.solid.contact.pressure import excess_of
 from ngspring.solid.contact.supports import Supports, spring_supports
 from ngspring.solid.contact.surface import free_surface
 from ngspring.solid.contact.tunnelling import Skeleton
@@ -42,7 +44,8 @@ class ContactSettings:
     Parameters
     ----------
     stiffness : float
-        Contact stiffness kappa in units of ``(K + 4/3 G) / H``.
+        Contact stiffness kappa in units of ``(K + 4/3 G) / H``, with no more of K than is carried
+        point by point (`ngspring.problem.material.split_bulk_modulus`).
     smoothing : float
         Width epsilon of the contact law's smooth start in units of H.
     points : int
@@ -71,7 +74,7 @@ class ContactSettings:
 
     def law(self, problem: SpringProblem) -> ContactLaw:
         """The contact law for a spring's size and material."""
-        modulus = problem.K + 4 / 3 * problem.G
+        modulus = split_bulk_modulus(problem.K, problem.G)[0] + 4 / 3 * problem.G
         return ContactLaw(self.stiffness * modulus / problem.H, self.smoothing * problem.H)
 
 
@@ -185,6 +188,7 @@ def contact_mechanics(
         supports.floating,
         lambda u: F_33(u, problem),
         measure_of(problem),
+        excess_of(problem),
     )
 
     def measure(places: FloatArray) -> FloatArray:
