@@ -188,7 +188,7 @@ class PressureField:
         )
 
     def slopes(self, u: FloatArray) -> FloatArray:
-        """Slopes of a displacement field at the Gauss points (see `_Volume`): (2, elements, k, 9)."""
+        """Slopes of u at the Gauss points, (2, elements, k, 9): see `_Volume`."""
         components = u.reshape(2, self._ndof)[:, self.table.dofs]
         return np.asarray((components @ self._of_dofs).reshape(2, -1, self._count, 9))
 
