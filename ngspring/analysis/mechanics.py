@@ -31,7 +31,7 @@ from ngspring.fem.reduction import (
     stored_values,
     united,
 )
-from ngspring.physics.chi import CF, stiffness
+from ngspring.physics.chi import Field, stiffness
 from ngspring.physics.elasticity import measure, strain_energy
 from ngspring.physics.grey import grey_share
 from ngspring.physics.offset import OffsetField
@@ -325,15 +325,15 @@ class Mechanics:
         """chi with its offset at the Gauss points, (elements, 9); of the first copy."""
         return self._at_points[0]
 
-    def second_derivative_at_rest(self, density: Callable[[CF, CF], CF]) -> sp.csr_matrix:
-        """Second derivative of another energy than the strain energy, at the undeformed state.
+    def faded_stiffness_at_rest(self, factor: Callable[[Field], Field]) -> sp.csr_matrix:
+        """Second derivative of the strain energy times a factor, without the void's, at rest.
 
         Of a design without an imperfection.
 
         Parameters
         ----------
-        density : callable
-            The energy per area of the mesh from u and its gradient; may contain `chi`.
+        factor : callable
+            From chi + eta, an expression of NGSolve or an array.
 
         Returns
         -------
@@ -343,12 +343,20 @@ class Mechanics:
         space = self._u.space
         u = space.TrialFunction()
         form = ng.BilinearForm(space, symmetric=True)
-        form += ng.Variation(density(u, ng.Grad(u)).Compile() * dx())
+        problem = self.problem
+        scaled = measure(problem) * factor(self.chi) * stiffness(self.chi, problem)
+        density = scaled * strain_energy(u, ng.Grad(u), problem)
+        form += ng.Variation(density.Compile() * dx())
         self._u.vec[:] = 0.0
         with tasks():
             form.AssembleLinearization(self._u.vec)
+        values = self._maps[0] @ stored_values(form)
+        if self._pressure is not None:
+            at_points, rest = self._at_points[0], np.zeros(2 * self.scalar.ndof)
+            element = self._pressure.stiffness(at_points, rest, factor(at_points))
+            values = values + self._pressure_maps[0] @ element.ravel()
         triangle = self._factorization.matrix.copy()
-        triangle.data = (self._maps[0] @ stored_values(form))[self._inner_entries]
+        triangle.data = values[self._inner_entries]
         return symmetric(triangle)
 
     def _diagonal_at_rest(self) -> FloatArray:

@@ -32,8 +32,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 from ngspring.fem.grid import ScalarSpace
 from ngspring.fem.linear import inertia
-from ngspring.physics.chi import stiffness
-from ngspring.physics.elasticity import measure, strain_energy
+from ngspring.physics.chi import Field, stiffness
 from ngspring.problem.material import split_bulk_modulus
 
 #: At most so many negative eigenvalues are computed (all of them are counted).
@@ -134,11 +133,12 @@ class FullTangent:
         self.scalar = scalar
         self.body = body = Mechanics(scalar, chi, eta, solver, threads)
         problem = scalar.grid.problem
-        stiff = stiffness(body.chi, problem)
-        kept = FAINT + (1 - FAINT) * stiff**2 / (stiff**2 + GREY**2)
-        self.mass = body.second_derivative_at_rest(
-            lambda u, grad_u: measure(problem) * kept * stiff * strain_energy(u, grad_u, problem)
-        )
+
+        def kept(chi: Field) -> Field:
+            stiff = stiffness(chi, problem)
+            return FAINT + (1 - FAINT) * stiff**2 / (stiff**2 + GREY**2)
+
+        self.mass = body.faded_stiffness_at_rest(kept)
         table, at_points = body.void.table, body.chi_at_points
         self._u = ng.GridFunction(ng.VectorH1(scalar.grid.mesh, order=2))
         self._places = scalar.grid.mesh(table.x.ravel(), table.y.ravel())

@@ -12,6 +12,7 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 
+from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.fem.process import parallel
@@ -28,6 +29,7 @@ from ngspring.physics.lagrangian import (
 from ngspring.physics.offset import OffsetField
 from ngspring.physics.terms import TERMS
 from ngspring.physics.void import dx, void_virtual_work
+from ngspring.problem.material import LARGEST_NU, split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
 
 
@@ -72,8 +74,19 @@ class CompoundState:
         which vanishes at a stationary point in the directions that the boundary conditions of 2.5
         and the splines allow, and ``AssembleLinearization`` the second. For looking, not for
         solving: `ngspring.kkt.system` is far faster.
+
+        Raises
+        ------
+        ProblemError
+            If the solid is nearly incompressible, so that it has a pressure field.
         """
         problem = self.problem
+        if split_bulk_modulus(problem.K, problem.G)[1]:
+            raise ProblemError(
+                f"K = {shown(problem.K)} and G = {shown(problem.G)} are those of a nearly"
+                f" incompressible solid, whose pressure field is no part of this form: nu must be"
+                f" at most {LARGEST_NU}"
+            )
         chi, *fields = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
         for term in TERMS:

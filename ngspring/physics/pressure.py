@@ -218,10 +218,20 @@ class PressureField:
             theta = self._projection(weights)(volume.log_J)
             return self._force((weights * theta)[:, None] * volume.first)
 
-    def stiffness(self, chi_at_points: FloatArray, u: FloatArray) -> FloatArray:
-        """Element matrices (2, 2, elements, 81) of the second derivative by u."""
+    def stiffness(
+        self, chi_at_points: FloatArray, u: FloatArray, factor: FloatArray | float = 1.0
+    ) -> FloatArray:
+        """Element matrices (2, 2, elements, 81) of the second derivative by u.
+
+        Parameters
+        ----------
+        chi_at_points : array (elements, 9)
+        u : array (2 ndof,)
+        factor : array (elements, 9), optional
+            By which w is larger.
+        """
         with np.errstate(all="ignore"):
-            return self._stiffness(self._weights(chi_at_points), self._volume(u))
+            return self._stiffness(factor * self._weights(chi_at_points), self._volume(u))
 
     def _stiffness(self, weights: FloatArray, volume: _Volume) -> FloatArray:
         projection = self._projection(weights)

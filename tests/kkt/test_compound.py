@@ -8,6 +8,7 @@ import pytest
 from support.coupled import Flat
 
 from ngspring import compound_state
+from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
 from ngspring.kkt.system import CoupledSystem
 from ngspring.physics.chi import rho
@@ -62,3 +63,10 @@ def test_a_design_comes_with_its_equilibria_and_adjoints(kinematics: str) -> Non
     reduced = np.array([system.images[0].copies[0].matrix.T @ block for block in blocks])
     assert np.abs(reduced[::2, :-1]).max() < 1e-9 * np.abs(reduced[::2]).max()
     assert np.abs(reduced[1::2]).max() < 1e-6
+
+
+def test_the_lagrangian_as_one_form_has_no_pressure_field(flat: Flat) -> None:
+    problem = flat.problem.replace(K=100 * flat.problem.G)
+    fields = compound_state(Design(problem, flat.state(flat.x).chi), state=flat.state(flat.x))
+    with pytest.raises(ProblemError, match="nearly incompressible"):
+        fields.lagrangian()

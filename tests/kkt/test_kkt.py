@@ -23,6 +23,7 @@ from ngspring.fem.linear import make_factorization
 from ngspring.kkt.start import initial_state, state_near
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem, LinearSolveError
+from ngspring.problem.material import bulk_and_shear_modulus
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 
@@ -37,14 +38,19 @@ def flat(rough: Design) -> Flat:
     return Flat(rough)
 
 
-def table_1(kinematics: str, domain: str = "quarter", elements: int = 8) -> SpringProblem:
+def table_1(
+    kinematics: str, domain: str = "quarter", elements: int = 8, nu: float = 0.4
+) -> SpringProblem:
     """A problem with the paper's weights, small enough to solve in a moment."""
+    K, G = bulk_and_shear_modulus(1.0, nu)
     unit = 1.0 if kinematics == "plane strain" else 50.0
     points = (
         ControlPoint(5.0, 1.0 * unit, weight=1 / unit**2),
         ControlPoint(-5.0, -1.4 * unit, weight=1 / unit**2),
     )
-    return SpringProblem(points, kinematics=kinematics, domain=domain, elements=elements, l_i=10.0)
+    return SpringProblem(
+        points, kinematics=kinematics, domain=domain, elements=elements, l_i=10.0, K=K, G=G
+    )
 
 
 def start(problem: SpringProblem, solver: str = "auto") -> tuple[CoupledSystem, State]:
@@ -81,12 +87,12 @@ def test_the_residual_has_a_symmetric_derivative(flat: Flat) -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("dt", [1.0, 1e8, np.inf])
+@pytest.mark.parametrize(("dt", "nu"), [(1.0, 0.4), (1e8, 0.4), (np.inf, 0.4), (1e8, 0.4999)])
 def test_solve_solves_the_system_the_residual_belongs_to(
-    solver: str, dt: float, kinematics: str
+    solver: str, dt: float, nu: float, kinematics: str
 ) -> None:
     # With the weights of Table 1 the rows of chi are some 1e-8 of the others.
-    system, state = start(table_1(kinematics), solver)
+    system, state = start(table_1(kinematics, nu=nu), solver)
     random = np.random.default_rng(4)
     old = state.chi + random.uniform(-0.1, 0.1, state.chi.shape)
     residual = system.residual(state, old, dt)
@@ -141,10 +147,11 @@ def test_a_solver_can_be_used_again_at_another_state(solver: str) -> None:
 
 
 @needs_pardiso
+@pytest.mark.parametrize("nu", [0.4, 0.499])
 def test_a_convex_state_has_free_plus_one_negative_eigenvalues_per_control_point(
-    kinematics: str, domain: str
+    kinematics: str, domain: str, nu: float
 ) -> None:
-    system, state = start(table_1(kinematics, domain), "pardiso")
+    system, state = start(table_1(kinematics, domain, nu=nu), "pardiso")
     # A small dt makes the block of chi convex, small displacements those of u.
     system.assemble(state, 1e-2)
     assert system.negative_eigenvalues == len(system.points) * (system.free + 1)
@@ -181,11 +188,13 @@ def test_a_state_with_an_inverted_element_is_told_not_solved() -> None:
         system.assemble(state, 1.0)
 
 
-@pytest.mark.parametrize("eta", [0.0, 1.0])
-def test_quarter_and_full_domain_make_the_same_newton_step(kinematics: str, eta: float) -> None:
+@pytest.mark.parametrize(("eta", "nu"), [(0.0, 0.4), (1.0, 0.4), (1.0, 0.499)])
+def test_quarter_and_full_domain_make_the_same_newton_step(
+    kinematics: str, eta: float, nu: float
+) -> None:
     updates, forces, residuals = [], [], []
     for domain in ("quarter", "full"):
-        problem = table_1(kinematics, domain)
+        problem = table_1(kinematics, domain, nu=nu)
         first, second = problem.control_points
         problem = problem.replace(
             control_points=(first, ControlPoint(second.d, second.q, second.weight, eta))
