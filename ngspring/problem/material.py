@@ -49,7 +49,7 @@ def bulk_and_shear_modulus(E: float, nu: float) -> tuple[float, float]:
     if not -1.0 < nu < 0.5:
         raise ProblemError(
             f"nu = {shown(nu)} is not valid: it must be between -1 and 0.5, both excluded;"
-            f" {NU} is the paper's, and rubber is well described by 0.4 to 0.45"
+            f" {NU} is the paper's, and {NEAREST_NU} is as good as incompressible"
         )
     return E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))
 
@@ -76,6 +76,11 @@ def split_bulk_modulus(K: float, G: float) -> tuple[float, float]:
     has, and the rest acts on a smoother change of volume (`ngspring.physics.pressure`, and
     `ngspring.solid.contact.pressure`). Up to that nu there is no rest, and the formulation is that
     of the paper; above, forces go on continuously.
+
+    Two curved walls 15 mm thick that bend in the 100 x 100 mm domain are, on 16 x 16 elements (2.4
+    across a wall), stiffer than on 64 x 64 by 1.4 % for nu = 0.4 and 2.2 % for 0.45; by 2.2, 2.1
+    and 2.1 % for 0.49, 0.499 and 0.4999. With all of K at every point the last three would be 6.3,
+    25 and 53 %; on 32 x 32 they are 0.5, 0.4 and 0.3 %, and would be 1.2, 4.2 and 9.9 %.
 
     Parameters
     ----------

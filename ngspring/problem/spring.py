@@ -63,6 +63,7 @@ class SpringProblem:
         Out-of-plane thickness in mm; not used by axisymmetric springs.
     K, G : float
         Bulk and shear modulus of the solid in MPa (Eq. 14); with a `material` its initial moduli.
+        Beyond nu = 0.45 a pressure field carries the excess of K, see `split_bulk_modulus`.
     E_0 : float
         Stiffness of void relative to solid (Eq. 3).
     k_r : float

@@ -27,6 +27,7 @@ from ngspring.design.gallery import gallery
 from ngspring.fem.constraints import spline_extraction
 from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.fem.linear import inertia
+from ngspring.problem.material import bulk_and_shear_modulus
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
 from ngspring.view.stability import stability_figure
@@ -272,3 +273,10 @@ def test_c4_sways_when_its_hole_closes() -> None:
     assert critical.q == pytest.approx(-2.82, abs=0.05)
     assert critical.mode.kind == "solid"
     assert critical.mode.symmetry == ("antisymmetric", "antisymmetric")
+
+
+def test_at_rest_the_lowest_eigenvalue_is_one_with_a_pressure_field_too() -> None:
+    design = column()
+    K, G = bulk_and_shear_modulus(1.0, 0.4999)
+    rubber = Design(design.problem.replace(K=K, G=G), design.coefficients)
+    assert stability(rubber, [0.0], threads=1).rest == pytest.approx(1, rel=5e-3)
