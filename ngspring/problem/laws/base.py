@@ -54,8 +54,9 @@ class Deformation(Protocol):
 class Law(ABC):
     """A hyperelastic law; subclasses are frozen dataclasses of their parameters.
 
-    The parameters that are stresses are named in `stresses`, so that similar problems have similar
-    laws (`scaled`).
+    The energy is a sum of two: one of the change of shape, ``J^(-1/3) F``, in which laws differ,
+    and one of the change of volume, which is that of Eq. 14 for all of them. The parameters that
+    are stresses are named in `stresses`, so that similar problems have similar laws (`scaled`).
 
     Attributes
     ----------
@@ -63,14 +64,25 @@ class Law(ABC):
         As in a TOML file.
     stresses : tuple of str
         Parameters in MPa; the others have no dimension.
+    K : float
+        Bulk modulus in MPa, a parameter of every law.
     """
 
     name: ClassVar[str]
     stresses: ClassVar[tuple[str, ...]]
+    K: float
 
     @abstractmethod
+    def isochoric_energy(self, F: Deformation) -> Value:
+        """Energy density in MPa of the change of shape, zero without deformation."""
+
+    def volumetric_energy(self, log_J: Value) -> Value:
+        """Energy density in MPa of the change of volume, ``K/2 (ln J)^2``."""
+        return self.K / 2 * log_J * log_J
+
     def energy(self, F: Deformation) -> Value:
         """Strain energy density in MPa, zero without deformation."""
+        return self.volumetric_energy(F.log_J) + self.isochoric_energy(F)
 
     @property
     @abstractmethod

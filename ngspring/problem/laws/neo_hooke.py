@@ -40,10 +40,10 @@ class NeoHooke(Law):
         """K and G themselves."""
         return self.K, self.G
 
-    def energy(self, F: Deformation) -> Value:
-        """Eq. 14 without E(chi)."""
+    def isochoric_energy(self, F: Deformation) -> Value:
+        """Eq. 14 without E(chi) and the term of J."""
         isochoric = F.exp(-2 / 3 * F.log_J) * F.I_1
-        return self.K / 2 * F.log_J * F.log_J + self.G / 2 * (isochoric - 3)
+        return self.G / 2 * (isochoric - 3)
 
     def partial_derivatives(self, F: Deformation) -> tuple[Value, Value] | None:
         """By hand: automatic ones take a fifth longer to assemble (`docs/performance.md`)."""
