@@ -169,7 +169,7 @@ _WITH_HARDNESS = re.compile(
 )
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A name in lower case, with single blanks in place of blanks and hyphens."""
     return " ".join(name.casefold().replace("-", " ").split())
 
@@ -185,11 +185,11 @@ def find_elastomer(name: str) -> Elastomer:
     ProblemError
         If there is none; the message says what to give instead.
     """
-    known = {_plain(key): e for e in ELASTOMERS for key in (e.name, e.symbol) if key}
+    known = {plain_name(key): e for e in ELASTOMERS for key in (e.name, e.symbol) if key}
     known |= {alias: known[meant] for alias, meant in _ALIASES.items()}
     if not isinstance(name, str):
         raise ProblemError(f"material = {shown(name)} is not valid: it must be a name")
-    plain = _plain(name)
+    plain = plain_name(name)
     if plain in known:
         return known[plain]
     match = _WITH_HARDNESS.fullmatch(plain)

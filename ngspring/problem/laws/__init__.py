@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from ngspring.basics.checks import nearest, shown
+from ngspring.basics.checks import finite_number, nearest, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.laws.arruda_boyce import ArrudaBoyce as ArrudaBoyce
 from ngspring.problem.laws.base import Law as Law
 from ngspring.problem.laws.gent import Gent as Gent
 from ngspring.problem.laws.mooney_rivlin import MooneyRivlin as MooneyRivlin
+from ngspring.problem.laws.named import find_named
 from ngspring.problem.laws.neo_hooke import NeoHooke as NeoHooke
 from ngspring.problem.laws.ogden import Ogden as Ogden
 from ngspring.problem.laws.yeoh import Yeoh as Yeoh
-from ngspring.problem.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem.material import MATERIAL_KEYS, NU, moduli_from
 
 #: By name, the paper's first.
 LAWS: Mapping[str, type[Law]] = MappingProxyType(
@@ -31,7 +32,8 @@ def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
     ----------
     described : mapping
         Fields, and ``E``, ``shore_A``, ``material`` and ``nu`` as for
-        `ngspring.problem.material.moduli_from`; ``material`` may also be a law or its table.
+        `ngspring.problem.material.moduli_from`; ``material`` may also be a law or its table, or
+        the name of a material whose law is known, see `ngspring.problem.laws.named`.
 
     Raises
     ------
@@ -48,6 +50,9 @@ def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
                 f" {next(key for key in given if key != 'material')}: give one"
             )
         return {**fields, "material": law if isinstance(law, Law) else law_from(law)}
+    named = find_named(law) if isinstance(law, str) else None
+    if named is not None and not described.keys() & {"K", "G", "E", "shore_A"}:
+        return {**fields, "material": named.law(finite_number("nu", described.get("nu", NU)))}
     moduli = moduli_from(described)
     return fields if moduli is None else {**fields, "K": moduli[0], "G": moduli[1]}
 
