@@ -19,14 +19,14 @@ from ngspring.problem.laws import NeoHooke
 from ngspring.problem.laws.base import Law
 from ngspring.problem.laws.modes import MODES
 from ngspring.problem.laws.stability import LARGEST, SMALLEST, StableRange, stable_range
-from ngspring.problem.material import bulk_and_shear_modulus, nu_advice
+from ngspring.problem.material import FITTED_NU, bulk_and_shear_modulus, nu_advice
 
-#: Poisson's ratio that K is made of by default: what the third medium still takes well.
-NU = 0.45
 #: Errors are relative to the stress, or to this part of the largest of the test where it is less.
 FLOOR = 0.02
 #: How much a square counts: a planar test is what a spring in plane strain does.
 WEIGHTS = {"uniaxial": 1.0, "planar": 2.0, "equibiaxial": 1.0}
+#: A difference in stiffness of more than this is worth a word.
+REMARKABLE = 0.02
 #: An uncertainty beyond this multiple of the parameter means that the tests say nothing about it.
 _UNKNOWN = 1e3
 
@@ -85,6 +85,13 @@ class Fit:
     def remarks(self) -> tuple[str, ...]:
         """What to know before the law is used, in sentences."""
         found = [nu_advice(self.nu)]
+        # Plane strain modulus 2 G / (1 - nu), relative to 4 G.
+        softer = 1 - 1 / (2 * (1 - self.nu))
+        if softer > REMARKABLE:
+            found.append(
+                f"K is for nu = {self.nu:g}: a wall in plane strain is {100 * softer:.2g} % softer"
+                " at small strains than one of an incompressible material"
+            )
         kinds = {test.test for test in self.tests}
         if "planar" not in kinds:
             found.append(
@@ -146,7 +153,7 @@ def fit(
     tests: MaterialTest | str | Iterable[Any],
     law: str = "yeoh",
     *,
-    nu: float = NU,
+    nu: float = FITTED_NU,
     stretches: tuple[float, float] | None = None,
 ) -> Fit:
     """Fit a law to tests of a material.
@@ -202,7 +209,7 @@ def fit(
 def fit_all(
     tests: MaterialTest | str | Iterable[Any],
     *,
-    nu: float = NU,
+    nu: float = FITTED_NU,
     stretches: tuple[float, float] | None = None,
 ) -> list[Fit]:
     """Every law that the tests have points enough for, the best fit first.

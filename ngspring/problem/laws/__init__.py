@@ -17,7 +17,7 @@ from ngspring.problem.laws.named import find_named
 from ngspring.problem.laws.neo_hooke import NeoHooke as NeoHooke
 from ngspring.problem.laws.ogden import Ogden as Ogden
 from ngspring.problem.laws.yeoh import Yeoh as Yeoh
-from ngspring.problem.material import MATERIAL_KEYS, NU, moduli_from
+from ngspring.problem.material import FITTED_NU, MATERIAL_KEYS, moduli_from
 
 #: By name, the paper's first.
 LAWS: Mapping[str, type[Law]] = MappingProxyType(
@@ -52,7 +52,10 @@ def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
         return {**fields, "material": law if isinstance(law, Law) else law_from(law)}
     named = find_named(law) if isinstance(law, str) else None
     if named is not None and not described.keys() & {"K", "G", "E", "shore_A"}:
-        return {**fields, "material": named.law(finite_number("nu", described.get("nu", NU)))}
+        return {
+            **fields,
+            "material": named.law(finite_number("nu", described.get("nu", FITTED_NU))),
+        }
     moduli = moduli_from(described)
     return fields if moduli is None else {**fields, "K": moduli[0], "G": moduli[1]}
 
