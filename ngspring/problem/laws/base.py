@@ -6,6 +6,7 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -157,7 +158,12 @@ class Stretches:
     @property
     def log_J(self) -> Value:
         """ln det F, without the rounding of the product."""
-        return self.log(self.first) + self.log(self.second) + self.log(self.third)
+        first, second, third = self._logs
+        return first + second + third
+
+    @cached_property
+    def _logs(self) -> tuple[Value, Value, Value]:
+        return self.log(self.first), self.log(self.second), self.log(self.third)
 
     @property
     def I_1(self) -> Value:
@@ -182,8 +188,8 @@ class Stretches:
 
     def power_sum(self, alpha: float) -> Value:
         """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha."""
-        logs = (self.log(stretch) for stretch in (self.first, self.second, self.third))
-        return sum(self.exp(alpha * (log - self.log_J / 3)) for log in logs)
+        mean = self.log_J / 3
+        return sum(self.exp(alpha * (log - mean)) for log in self._logs)
 
     def exp(self, x: Value) -> Value:
         """Exponential function."""
