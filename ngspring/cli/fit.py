@@ -86,14 +86,16 @@ def fit_command(
             raise click.UsageError("--law all compares: name one of them to --write it")
         check_writable(out)
     tests = _tests(files, (uniaxial, planar, equibiaxial), compression, specimen)
+    if stretches is not None:
+        limits = _limits(stretches)
+        tests = [test.between(*limits) for test in tests]
     for test in tests:
         _say_test(test)
-    limits = None if stretches is None else _limits(stretches)
     if law == "all":
-        fits = fit_all(tests, nu=nu, stretches=limits)
+        fits = fit_all(tests, nu=nu)
         make_console().print(_comparison(fits))
     else:
-        fits = [fit(tests, law, nu=nu, stretches=limits)]
+        fits = [fit(tests, law, nu=nu)]
         make_console().print(_parameters(fits[0]))
         _say_fit(fits[0])
     if out is not None:
