@@ -12,7 +12,7 @@ from functools import cached_property
 import ngsolve as ng
 
 from ngspring.physics.chi import CF
-from ngspring.physics.powers import mean_power
+from ngspring.physics.powers import MeanPowers
 from ngspring.problem.spring import SpringProblem
 
 
@@ -68,7 +68,7 @@ class Gradient:
         determinant in the plane.
         """
         log_j, log_33 = self._logs
-        both = 2 * ng.exp(alpha / 6 * (log_j - 2 * log_33)) * mean_power(self._unlike, alpha)
+        both = 2 * ng.exp(alpha / 6 * (log_j - 2 * log_33)) * self._mean_powers.of(alpha)
         return both + ng.exp(-alpha / 3 * (log_j - 2 * log_33))
 
     @cached_property
@@ -76,11 +76,11 @@ class Gradient:
         return ng.log(ng.Det(self.in_plane)), ng.log(self.F_33)
 
     @cached_property
-    def _unlike(self) -> CF:
-        """How unlike the stretches in the plane are, ``(l_1 - l_2)^2 / (4 l_1 l_2)``."""
+    def _mean_powers(self) -> MeanPowers:
+        """From how unlike the stretches in the plane are, ``(l_1 - l_2)^2 / (4 l_1 l_2)``."""
         f = self.in_plane
         a, b = f[0, 0] - f[1, 1], f[0, 1] + f[1, 0]
-        return (a * a + b * b) / (4 * ng.Det(f))
+        return MeanPowers((a * a + b * b) / (4 * ng.Det(f)))
 
     @cached_property
     def matrix(self) -> CF:

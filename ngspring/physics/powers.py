@@ -23,7 +23,7 @@ from ngspring.physics.chi import CF
 SMALL = 1e-2
 
 
-def mean_power(z: CF, alpha: float) -> CF:
+class MeanPowers:
     """``cosh(alpha s)`` with ``sinh^2 s = z``: the mean of l_1^alpha and l_2^alpha if l_1 l_2 = 1.
 
     Exact to rounding with its first and second derivative by z, for every z >= 0.
@@ -31,17 +31,24 @@ def mean_power(z: CF, alpha: float) -> CF:
     Parameters
     ----------
     z : ngsolve.CoefficientFunction
-    alpha : float
     """
-    coefficients = power_series(alpha)
-    if coefficients[-1] == 0.0:  # a polynomial: alpha is an even number
-        return _polynomial(z, coefficients)
-    near = z - SMALL
-    # Where a branch is not taken it must be finite all the same.
-    apart = ng.IfPos(near, z, 1)
-    s = ng.log(ng.sqrt(apart) + ng.sqrt(1 + apart))
-    closed = (ng.exp(alpha * s) + ng.exp(-alpha * s)) / 2
-    return ng.IfPos(near, closed, _polynomial(ng.IfPos(near, SMALL, z), coefficients))
+
+    def __init__(self, z: CF) -> None:
+        self.z = z
+        self._far = z - SMALL
+        # Where a branch is not taken it must be finite all the same.
+        apart = ng.IfPos(self._far, z, 1)
+        self._s = ng.log(ng.sqrt(apart) + ng.sqrt(1 + apart))
+        self._together = ng.IfPos(self._far, SMALL, z)
+
+    def of(self, alpha: float) -> CF:
+        """The mean for an exponent."""
+        coefficients = power_series(alpha)
+        if coefficients[-1] == 0.0:  # a polynomial: alpha is an even number
+            return _polynomial(self.z, coefficients)
+        power = ng.exp(alpha * self._s)
+        closed = (power + 1 / power) / 2
+        return ng.IfPos(self._far, closed, _polynomial(self._together, coefficients))
 
 
 def power_series(alpha: float) -> FloatArray:

@@ -9,14 +9,15 @@ from support.coupled import Flat
 from support.designs import rough_coefficients
 from support.lagrangian import Lagrangian
 
-from ngspring import Design, SpringProblem, taylor_test
+from ngspring import ControlPoint, Design, SpringProblem, load_displacement, taylor_test
 from ngspring.analysis.mechanics import Mechanics
 from ngspring.basics.arrays import FloatArray
 from ngspring.fem.grid import Grid, ScalarSpace
 from ngspring.physics.elasticity import Gradient, automatic_virtual_work, virtual_work
-from ngspring.physics.powers import SMALL, mean_power
+from ngspring.physics.powers import SMALL, MeanPowers
 from ngspring.problem.laws import ArrudaBoyce, Gent, MooneyRivlin, Ogden, Yeoh
 from ngspring.problem.laws.base import Law, Stretches
+from ngspring.problem.targets.full_block import block_force
 
 LAWS = (
     MooneyRivlin(K=1.7, C10=0.11, C01=0.07),
@@ -104,7 +105,7 @@ def test_powers_of_stretches_and_both_derivatives_are_exact_where_they_are_equal
     z = ng.Parameter(0.0)
     # cosh(s) and cosh(3 s) with sinh(s)^2 = z.
     for alpha, exact in ((1.0, ng.sqrt(1 + z)), (-3.0, ng.sqrt(1 + z) * (1 + 4 * z))):
-        found = mean_power(z, alpha)
+        found = MeanPowers(z).of(alpha)
         for _ in range(3):
             for value in (0.0, 1e-300, 1e-12, 1e-4, 0.999 * SMALL, 1.001 * SMALL, 0.3, 40.0):
                 z.Set(value)
@@ -117,7 +118,7 @@ def test_the_series_and_the_closed_form_of_a_power_meet(
     alpha: float, problem: SpringProblem
 ) -> None:
     z = ng.Parameter(0.0)
-    found = mean_power(z, alpha)
+    found = MeanPowers(z).of(alpha)
     for _ in range(3):
         both = []
         for value in (SMALL * (1 - 1e-14), SMALL * (1 + 1e-14)):
@@ -178,6 +179,17 @@ def test_forces_and_stiffness_are_derivatives_of_the_energy(
     )
     assert test.first_order == pytest.approx(2, abs=0.05), str(test)
     assert test.second_order == pytest.approx(3, abs=0.1), str(test)
+
+
+@each_law
+def test_a_full_block_is_in_uniaxial_stress(law: Law, kinematics: str) -> None:
+    """Another solution of the same state: one equation for the transverse stretch."""
+    points = (ControlPoint(9.0, 1.5),)
+    problem = SpringProblem(points, kinematics=kinematics, elements=4, L=90.0, H=110.0)
+    problem = problem.replace(material=law)
+    response = load_displacement(ng.CF(60.0), [30.0, -30.0], problem=problem, threads=1)
+    expected = [block_force(problem, d) for d in (30.0, -30.0)]
+    np.testing.assert_allclose(response.q, expected, rtol=1e-9)
 
 
 class ThreeByThree:
