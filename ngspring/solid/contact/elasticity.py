@@ -227,7 +227,7 @@ def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
     v, grad_v = ng.CF((0, ng.y / height)), ng.CF((0, 0, 0, 1 / height), dims=(2, 2))
     work = virtual_work(solid.u, ng.Grad(solid.u), v, grad_v, body.problem)
     with tasks():
-        total = measure(body.problem) * work * ng.dx(intrules=_rules())
+        total = (measure(body.problem) * work).Compile() * ng.dx(intrules=_rules())
         return float(ng.Integrate(total, solid.mesh))
 
 
@@ -245,7 +245,7 @@ def side_force(body: Body, solid: Solid, full: FloatArray, side: str) -> float:
     stress = virtual_work(solid.u, at_side, zero, vertical, body.problem)
     share = grid.sector.share
     with tasks():
-        total = measure(body.problem) * stress * ng.ds(side, bonus_intorder=4)
+        total = (measure(body.problem) * stress).Compile() * ng.ds(side, bonus_intorder=4)
         return share * float(ng.Integrate(total, solid.mesh))
 
 
