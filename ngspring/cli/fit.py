@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.table import Table
@@ -14,6 +16,7 @@ from ngspring.cli.arguments import check_writable
 from ngspring.cli.options import OK, Finite
 from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
+from ngspring.problem.curves.branches import BRANCHES
 from ngspring.problem.fit.candidates import CANDIDATES
 from ngspring.problem.fit.data import MaterialTest, read_material_test
 from ngspring.problem.fit.fitting import Fit, fit, fit_all, uncertainty_text
@@ -45,6 +48,7 @@ _FILE = click.Path(dir_okay=False)
 )
 @click.option("--stretches", help="Use these stretches only, as 0.7,2.5.")
 @click.option("--compression", is_flag=True, help="The files count compression as positive.")
+@click.option("--branch", type=click.Choice(BRANCHES), help="Of tests with loops; loading if not.")
 @click.option("--specimen", type=click.IntRange(min=1), help="Which of several in a file.")
 @click.option(
     "--write",
@@ -66,6 +70,7 @@ def fit_command(
     nu: float,
     stretches: str | None,
     compression: bool,
+    branch: str | None,
     specimen: int | None,
     out: Path | None,
     picture: Path | None,
@@ -85,7 +90,8 @@ def fit_command(
         if law == "all":
             raise click.UsageError("--law all compares: name one of them to --write it")
         check_writable(out)
-    tests = _tests(files, (uniaxial, planar, equibiaxial), compression, specimen)
+    reading = {"compression": compression, "branch": branch, "specimen": specimen}
+    tests = _tests(files, (uniaxial, planar, equibiaxial), reading)
     if stretches is not None:
         limits = _limits(stretches)
         tests = [test.between(*limits) for test in tests]
@@ -110,17 +116,13 @@ def fit_command(
 def _tests(
     files: tuple[str, ...],
     told: tuple[tuple[str, ...], ...],
-    compression: bool,
-    specimen: int | None,
+    reading: Mapping[str, Any],
 ) -> list[MaterialTest]:
     named: list[tuple[str | None, str]] = [(None, file) for file in files]
     named += [(test, file) for test, group in zip(MODES, told, strict=True) for file in group]
     if not named:
         raise click.UsageError("name a CSV file of a test")
-    return [
-        read_material_test(file, test, compression=compression, specimen=specimen)
-        for test, file in named
-    ]
+    return [read_material_test(file, test, **reading) for test, file in named]
 
 
 def _limits(text: str) -> tuple[float, float]:

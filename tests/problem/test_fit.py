@@ -216,12 +216,28 @@ def test_a_word_tells_which_test_it_was(name: str, line: str, expected: str) -> 
 def test_signs_of_a_compression_test_are_turned() -> None:
     text = "strain [%];stress [MPa]\n10;0.2\n30;0.9\n"
     test = parse_material_test(text, compression=True)
-    np.testing.assert_allclose(test.stretch, [0.9, 0.7])
-    np.testing.assert_allclose(test.stress, [-0.2, -0.9])
+    np.testing.assert_allclose(test.stretch, [0.7, 0.9])
+    np.testing.assert_allclose(test.stress, [-0.9, -0.2])
     named = parse_material_test(text.replace("strain", "compressive strain"))
-    np.testing.assert_allclose(named.stretch, [0.9, 0.7])
+    np.testing.assert_allclose(named.stretch, [0.7, 0.9])
     with pytest.raises(ProblemError, match="strains are negative"):
         parse_material_test("strain;stress\n-0.1;-0.2\n-0.3;-0.9\n", compression=True)
+
+
+@pytest.mark.parametrize("branch", [None, "loading", "unloading", "mean"])
+def test_one_branch_of_a_test_with_loops_is_taken(branch: str | None) -> None:
+    up = np.linspace(0.0, 1.0, 26)
+    law = TRUE["neo-hooke"]
+    rows = [(x, float(MODES["planar"].nominal_stress(law, 1 + x))) for x in up]
+    rows += [(x, 0.8 * stress) for x, stress in reversed(rows)]
+    text = "strain;stress\n" + "".join(f"{x:.9f};{stress:.9f}\n" for x, stress in rows)
+    test = parse_material_test(text, "planar", branch=branch)
+    assert (np.diff(test.stretch) > 0).all()
+    inside = test.between(1.1, 1.9)  # at the ends both branches meet
+    share = inside.stress / MODES["planar"].nominal_stress(law, inside.stretch)
+    expected = {"unloading": 0.8, "mean": 0.9}.get(branch or "", 1.0)
+    np.testing.assert_allclose(share, expected, rtol=0.01)
+    assert any(branch or "loading" in remark for remark in test.remarks)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import choice, real_array, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import PathLike, naming, read_text
+from ngspring.problem.curves.branches import single_valued
 from ngspring.problem.curves.table import parse_columns
 from ngspring.problem.laws.modes import MODES
 
@@ -131,6 +132,7 @@ def read_material_test(
     test: str | None = None,
     *,
     compression: bool = False,
+    branch: str | None = None,
     specimen: int | None = None,
 ) -> MaterialTest:
     """A test of a material from a CSV file.
@@ -146,6 +148,9 @@ def read_material_test(
         taken as uniaxial, with a remark.
     compression : bool
         Whether the file counts compression as positive: the signs of strain and stress are turned.
+    branch : {"loading", "unloading", "mean"}, optional
+        What to take of a test with loops, see `ngspring.problem.curves.branches`; loading by
+        default.
     specimen : int, optional
         Which one, from 1, if there are several.
 
@@ -162,7 +167,12 @@ def read_material_test(
     with naming(name):
         text = read_text(name, foreign=True)
         return parse_material_test(
-            text, test, compression=compression, specimen=specimen, name=os.path.basename(name)
+            text,
+            test,
+            compression=compression,
+            branch=branch,
+            specimen=specimen,
+            name=os.path.basename(name),
         )
 
 
@@ -171,6 +181,7 @@ def parse_material_test(
     test: str | None = None,
     *,
     compression: bool = False,
+    branch: str | None = None,
     specimen: int | None = None,
     name: str = "",
 ) -> MaterialTest:
@@ -202,6 +213,13 @@ def parse_material_test(
         strain, stress = -strain, -stress
         reason = "--compression" if compression else f"column {shown(columns.compression)}"
         remarks.append(f"{reason}: the signs of strain and stress are turned")
+    about_loops: list[str] = []
+    strain, stress = single_valued(strain, stress, branch, about_loops)
+    if about_loops:
+        remarks.append(
+            "the test waits, or goes forth and back: one branch is taken,"
+            f" {branch or 'loading'}, of several loops the last that is complete"
+        )
     return MaterialTest(test, 1.0 + strain, stress, name, tuple(remarks))
 
 
