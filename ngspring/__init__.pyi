@@ -38,6 +38,11 @@ from .problem.cases import cases as cases
 from .problem.cases import get_case as get_case
 from .problem.curves.curve import TargetCurve as TargetCurve
 from .problem.curves.curve import read_curve as read_curve
+from .problem.fit.data import MaterialTest as MaterialTest
+from .problem.fit.data import read_material_test as read_material_test
+from .problem.fit.fitting import Fit as Fit
+from .problem.fit.fitting import fit as fit
+from .problem.fit.fitting import fit_all as fit_all
 from .problem.material import bulk_and_shear_modulus as bulk_and_shear_modulus
 from .problem.material import young_from_shore_A as young_from_shore_A
 from .problem.offsets import with_offsets as with_offsets
@@ -77,9 +82,11 @@ __all__ = [
     "ExportError",
     "Family",
     "Finding",
+    "Fit",
     "History",
     "Ladder",
     "LeapRule",
+    "MaterialTest",
     "NgspringError",
     "Optimality",
     "OutlineError",
@@ -107,6 +114,8 @@ __all__ = [
     "evolve",
     "export_body",
     "family",
+    "fit",
+    "fit_all",
     "follow",
     "gallery",
     "get_case",
@@ -117,6 +126,7 @@ __all__ = [
     "parts",
     "problem_from_curve",
     "read_curve",
+    "read_material_test",
     "read_run",
     "realise",
     "scaled",

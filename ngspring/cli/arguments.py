@@ -78,3 +78,15 @@ def command_line(words: Iterable[str], options: Mapping[str, object]) -> str:
         if value is not None and value is not False:
             texts += [option] if value is True else [option, value]
     return shlex.join(map(str, texts))
+
+
+def check_writable(out: Path) -> None:
+    """Raise ProblemError unless a new TOML file can have this name."""
+    if out.suffix.lower() != ".toml":
+        raise ProblemError(f"--write {out} must end with .toml")
+    if os.path.exists(out):
+        raise ProblemError(f"{out} exists already: choose another name, or remove it first")
+    if not os.path.isdir(out.parent):
+        raise ProblemError(
+            f"--write {out} is not possible: there is no folder {out.parent}, make it first"
+        )

@@ -34,6 +34,7 @@ COMMANDS = {
     "cases": "List the cases of the paper, and which have a stored design.",
     "check": "Check that designs are optimal and on target.",
     "family": "Designs between two sets of targets, to pick one from.",
+    "fit": "Law of a material from its tests.",
     "export": "Drawing, solid or mesh for a workshop.",
     "materials": "List common elastomers with their hardness and Young's modulus.",
     "optimize": "Design a spring for a case or a TOML file.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,7 +13,7 @@ from ngspring.basics.checks import finite_number, shown
 from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import write_text
 from ngspring.basics.text import significant
-from ngspring.cli.arguments import read_problem
+from ngspring.cli.arguments import check_writable, read_problem
 from ngspring.cli.options import FAILED, OK, Finite, anywhere_option
 from ngspring.cli.tables import make_console, new_table
 from ngspring.problem.annotated import annotated_toml
@@ -28,6 +27,7 @@ from ngspring.problem.spring import SpringProblem, height_and_area
 from ngspring.problem.targets.from_curve import problem_from_curve
 from ngspring.problem.targets.full_block import block_force
 from ngspring.problem.targets.plausibility import check_targets
+from ngspring.problem.toml import names_material_file, read_law
 
 #: What to take of a curve's file.
 _READING = ("compression", "branch", "specimen", "quantities")
@@ -40,7 +40,9 @@ Axes: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 @click.option("--length", "L", type=Finite(), help="L in mm: across the load, or the diameter.")
 @click.option("--height", "H", type=Finite(), help="H in mm: along the load.")
 @click.option("--thickness", "T", type=Finite(), help="Out-of-plane thickness T in mm.")
-@click.option("--material", help="Elastomer by name, see `ngspring materials`.")
+@click.option(
+    "--material", help="Elastomer by name, see `ngspring materials`, or a file of `ngspring fit`."
+)
 @click.option("--shore-a", "shore_A", type=Finite(), help="Hardness instead of E.")
 @click.option("--E", "E", type=Finite(), help="Young's modulus in MPa.")
 @click.option("--nu", type=Finite(), help="Poisson's ratio; 0.4 by default.")
@@ -108,7 +110,7 @@ def targets_command(
         problem = read_problem(curve, notes, targets_anywhere)[0]
     else:
         if out is not None:
-            _check_writable(out)
+            check_writable(out)
         name = curve if out is None else out.name
         axes = _axes(curve, d_range, q_range)
         problem, text = _problem_of_curve(curve, name, given, points, at, robust, axes, notes)
@@ -141,6 +143,8 @@ def _problem_of_curve(
     notes: list[str],
 ) -> tuple[SpringProblem, str]:
     """The problem as it would be read from the file that is written, and that file."""
+    if names_material_file(given.get("material")):
+        given["material"] = read_law(given["material"])
     reading = {key: given.pop(key) for key in _READING if key in given}
     if "T" in given and not KINEMATICS[str(given.get("kinematics", "plane strain"))].thick:
         raise click.UsageError("an axisymmetric spring has no thickness")
@@ -198,15 +202,3 @@ def _points_table(problem: SpringProblem) -> Table:
             f"{100 * point.q / block_force(problem, point.d):.3g} %",
         )
     return table
-
-
-def _check_writable(out: Path) -> None:
-    """Raise ProblemError unless a new problem can have this name."""
-    if out.suffix.lower() != ".toml":
-        raise ProblemError(f"--write {out} must end with .toml, or optimize takes it for a case")
-    if os.path.exists(out):
-        raise ProblemError(f"{out} exists already: choose another name, or remove it first")
-    if not os.path.isdir(out.parent):
-        raise ProblemError(
-            f"--write {out} is not possible: there is no folder {out.parent}, make it first"
-        )

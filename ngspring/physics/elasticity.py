@@ -13,6 +13,7 @@ from functools import cached_property
 import ngsolve as ng
 
 from ngspring.physics.chi import CF
+from ngspring.physics.powers import MeanPowers
 from ngspring.problem.laws.base import Law
 from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
@@ -54,6 +55,37 @@ class Gradient:
         return det * det + squares * self.F_33 * self.F_33
 
     @cached_property
+    def isochoric_I_1(self) -> CF:
+        """``J^(-2/3) I_1``."""
+        return ng.exp(-2 / 3 * self.log_J) * self.I_1
+
+    @cached_property
+    def isochoric_I_2(self) -> CF:
+        """``J^(-4/3) I_2``."""
+        return ng.exp(-4 / 3 * self.log_J) * self.I_2
+
+    def power_sum(self, alpha: float) -> CF:
+        """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha.
+
+        F_33 is one of them; the two others have the geometric mean ``j^(1/2)``, j being the
+        determinant in the plane.
+        """
+        log_j, log_33 = self._logs
+        both = 2 * ng.exp(alpha / 6 * (log_j - 2 * log_33)) * self._mean_powers.of(alpha)
+        return both + ng.exp(-alpha / 3 * (log_j - 2 * log_33))
+
+    @cached_property
+    def _logs(self) -> tuple[CF, CF]:
+        return ng.log(ng.Det(self.in_plane)), ng.log(self.F_33)
+
+    @cached_property
+    def _mean_powers(self) -> MeanPowers:
+        """From how unlike the stretches in the plane are, ``(l_1 - l_2)^2 / (4 l_1 l_2)``."""
+        f = self.in_plane
+        a, b = f[0, 0] - f[1, 1], f[0, 1] + f[1, 0]
+        return MeanPowers((a * a + b * b) / (4 * ng.Det(f)))
+
+    @cached_property
     def matrix(self) -> CF:
         """F, (3, 3)."""
         f = self.in_plane
@@ -65,7 +97,7 @@ class Gradient:
         return ng.exp(x)
 
     def log(self, x: CF) -> CF:
-        """Natural logarithm."""
+        """Natural logarithm; not finite where x is not positive."""
         return ng.log(x)
 
 

@@ -26,5 +26,5 @@ def grey_share(chi: CF, u: CF, mesh: ng.Mesh, problem: SpringProblem) -> float:
     low, high = GREY
     energy = measure(problem) * stiffness(chi, problem) * strain_energy(u, ng.Grad(u), problem)
     inside = ng.IfPos(rho(chi) - low, ng.IfPos(high - rho(chi), 1.0, 0.0), 0.0)
-    whole, grey = (float(ng.Integrate(f * dx(), mesh)) for f in (energy, energy * inside))
+    whole, grey = (float(ng.Integrate(f.Compile() * dx(), mesh)) for f in (energy, energy * inside))
     return grey / whole if whole > 0.0 else 0.0

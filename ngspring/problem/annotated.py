@@ -103,7 +103,7 @@ def annotated_toml(
             lines.append(_line(key, value, "not the paper's"))
     if problem.material is not None:
         values = [f"{name} = {value:.7g}" for name, value in problem.law.parameters.items()]
-        lines += ["", "[material]", _line("law", problem.law.name, "parameters in MPa"), *values]
+        lines += ["", "[material]", _line("law", problem.law.name, "stresses in MPa"), *values]
     for point in problem.control_points:
         lines += ["", "[[control_points]]", f"d = {point.d:.7g}", f"q = {point.q:.7g}"]
         if point.weight != w_q:

@@ -24,6 +24,9 @@ LARGEST_NU = 0.45
 #: Above this nothing has been tried, see `nu_advice`.
 NEAREST_NU = 0.4999
 
+#: The one of laws that were fitted to tests of a nearly incompressible material.
+FITTED_NU = 0.45
+
 #: Gent's relation is used between these hardnesses; beyond them it is a guess.
 GENT_RANGE = (20.0, 80.0)
 
@@ -200,7 +203,7 @@ _WITH_HARDNESS = re.compile(
 )
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A name in lower case, with single blanks in place of blanks and hyphens."""
     return " ".join(name.casefold().replace("-", " ").split())
 
@@ -216,11 +219,11 @@ def find_elastomer(name: str) -> Elastomer:
     ProblemError
         If there is none; the message says what to give instead.
     """
-    known = {_plain(key): e for e in ELASTOMERS for key in (e.name, e.symbol) if key}
+    known = {plain_name(key): e for e in ELASTOMERS for key in (e.name, e.symbol) if key}
     known |= {alias: known[meant] for alias, meant in _ALIASES.items()}
     if not isinstance(name, str):
         raise ProblemError(f"material = {shown(name)} is not valid: it must be a name")
-    plain = _plain(name)
+    plain = plain_name(name)
     if plain in known:
         return known[plain]
     match = _WITH_HARDNESS.fullmatch(plain)

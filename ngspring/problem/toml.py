@@ -13,7 +13,9 @@ Only `control_points`, and `d` and `q` in each of them, must be there; the rest 
 Table 1. Besides the fields a file may have
 
 - ``E`` (MPa), ``shore_A`` or ``material`` (a name), with ``nu`` (0.4 by default), instead of ``K``
-  and ``G``, see `ngspring.problem.material`;
+  and ``G``, see `ngspring.problem.material`; ``material`` may also be a table, a law with its
+  parameters, or the name of a file beside this one that has such a table,
+  ``material = "material.toml"``;
 - ``robust``, ``wall`` and ``gap`` (mm), which add eroded and dilated control points, see
   `ngspring.problem.offsets`;
 - ``w_q``, the weight of all control points that have none of their own;
@@ -42,7 +44,7 @@ from ngspring.basics.errors import ProblemError
 from ngspring.basics.files import naming, read_text
 from ngspring.problem.curves.curve import read_curve
 from ngspring.problem.kinematics import KINEMATICS
-from ngspring.problem.laws import with_material
+from ngspring.problem.laws import Law, law_from, with_material
 from ngspring.problem.material import MATERIAL_KEYS
 from ngspring.problem.offsets import ODD_KEY, OFFSET_KEYS, taken_offsets, with_offsets
 from ngspring.problem.point import ControlPoint
@@ -173,6 +175,8 @@ def parse_fields(
     values = load_tables(text)
     _check_keys(values, described, "", FURTHER_KEYS)
     further = {key: values.pop(key) for key in FURTHER_KEYS if key in values}
+    if names_material_file(further.get("material")):
+        further["material"] = _law_beside(folder, further["material"])
     values = with_material({**values, **{k: further[k] for k in MATERIAL_KEYS if k in further}})
     weight = finite_number("w_q", further["w_q"]) if "w_q" in further else None
     offsets = taken_offsets(further)
@@ -194,6 +198,39 @@ def parse_fields(
         )
     points = [_control_point(table, i, weight) for i, table in enumerate(tables)]
     return {**values, "control_points": _offset(points, values, described, offsets)}
+
+
+def names_material_file(material: object) -> bool:
+    """Whether ``material`` is the name of a file and not that of an elastomer."""
+    return isinstance(material, str) and material.strip().lower().endswith(".toml")
+
+
+def read_law(path: str | os.PathLike[str]) -> Law:
+    """The law of a file with a ``[material]`` table and nothing else, as `ngspring fit` writes it.
+
+    Raises
+    ------
+    ProblemError
+        With the name of the file, if it cannot be read, has anything else, or no valid law.
+    """
+    name = os.fsdecode(path)
+    with naming(name):
+        tables = load_tables(read_text(name))
+        others = [key for key in tables if key != "material"]
+        if others:
+            raise ProblemError(
+                f"unknown key {shown(others[0])}: a file of a material has a [material] table only"
+            )
+        if not isinstance(tables.get("material"), dict):
+            raise ProblemError("there is no [material] table in it")
+        return law_from(tables["material"])
+
+
+def _law_beside(folder: Path | None, name: str) -> Law:
+    """The law of a file in the folder of a problem's file, or below it."""
+    if folder is None:
+        raise ProblemError("material names a file, but this text does not come from a file")
+    return read_law(_inside(folder, name, "material"))
 
 
 def _offset(
@@ -233,7 +270,7 @@ def _targets_table(described: object) -> Fields:
     return table
 
 
-def _inside(folder: Path, name: str) -> Path:
+def _inside(folder: Path, name: str, key: str = "targets") -> Path:
     """The path of a file in a folder or below it, links followed.
 
     Raises
@@ -245,11 +282,12 @@ def _inside(folder: Path, name: str) -> Path:
     try:
         inside = path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError) as error:
-        raise ProblemError(f"targets = {shown(name)} cannot be read: {error}") from error
+        raise ProblemError(f"{key} = {shown(name)} cannot be read: {error}") from error
     if not inside:
+        allowed = ", or allow it with --targets-anywhere (targets_anywhere=True in Python)"
         raise ProblemError(
-            f"targets = {shown(name)} is not in the folder of this file or below it: copy it there,"
-            " or allow it with --targets-anywhere (targets_anywhere=True in Python)"
+            f"{key} = {shown(name)} is not in the folder of this file or below it: copy it there"
+            f"{allowed if key == 'targets' else ''}"
         )
     return path
 

@@ -20,6 +20,7 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
+from ngspring.problem.laws.stability import instability
 from ngspring.problem.point import ControlPoint, deviation, relative_deviation
 from ngspring.solid.contact.response import (
     ContactResponse,
@@ -147,7 +148,8 @@ class Verification:
     def remarks(self) -> tuple[str, ...]:
         """A plain sentence for each control point that deviates by more than 5 %, and more.
 
-        A wall thinner than l_i is all interface: the optimiser never saw it as solid.
+        A wall thinner than l_i is all interface: the optimiser never saw it as solid. And a law is
+        good for nothing where it is not stable.
         """
         found = []
         for verdict in self.points:
@@ -167,7 +169,9 @@ class Verification:
                 f" ({self.design.problem.l_i:.3g} mm): it was grey to the optimiser. Repeat with"
                 " more elements and a smaller l_i before making the part."
             )
-        return tuple(found)
+        problem = self.design.problem
+        unstable = instability(problem.law, self.stretch_measure, problem.motion)
+        return (*found, unstable) if unstable else tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything in JSON types; what is not a finite number is None."""

@@ -22,6 +22,7 @@ from ngspring.evolution.estimate import TYPICAL_UPDATES, seconds_left
 from ngspring.evolution.runstate import RUNNING, RunState, forces_of, stored_state
 from ngspring.evolution.updates import Update
 from ngspring.problem.dimension import used_weights
+from ngspring.problem.laws.stability import stable_range
 from ngspring.problem.point import worst_deviation
 from ngspring.problem.sector import DOMAINS
 from ngspring.problem.spring import SpringProblem
@@ -192,7 +193,12 @@ def _quantities(problem: SpringProblem, info: Mapping[str, object]) -> list[tupl
     names = list(used_weights(problem))
     values = [f"{getattr(problem, name):g}" for name in names]
     parameters = [f"{name} = {value:g}" for name, value in problem.law.parameters.items()]
-    law = [] if problem.material is None else [(f"{problem.law.name} law", ", ".join(parameters))]
+    law = []
+    if problem.material is not None:
+        law = [
+            (f"{problem.law.name} law", ", ".join(parameters)),
+            ("stable for stretches", str(stable_range(problem.law))),
+        ]
     if problem.stretch_limit:
         rows.append(("limit of the largest stretch", f"{problem.stretch_limit:g}"))
     if problem.energy_limit:

@@ -1,6 +1,6 @@
 """Residuals and Newton matrix are the derivatives of C*, Eq. 5, in every field.
 
-The functional is put together in `support.lagrangian` from the paper's formulas; it shares no
+The functional (`support.lagrangian`) is put together from the paper's formulas; it shares no
 expression with the package.
 """
 

@@ -23,8 +23,12 @@ from ngspring.cli.tolerance import tolerance_lines, tolerance_table
 from ngspring.cli.verify import verification_lines, verification_table
 from ngspring.design.design import Design
 from ngspring.design.gallery import gallery
+from ngspring.problem.laws import Gent, MooneyRivlin, Ogden, Yeoh
+from ngspring.problem.laws.base import Law
+from ngspring.problem.laws.stability import stable_range
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
+from ngspring.problem.targets.full_block import block_stress
 from ngspring.solid.contact.response import contact_load_displacement
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.solid.outline.outline import outline
@@ -164,6 +168,45 @@ def test_a_wall_thinner_than_the_interface_gets_a_remark(verified: Verification)
     assert remark.startswith("The smallest wall (1.5 mm) is thinner than the interface l_i (2 mm)")
     assert remark in verification_lines(thin)
     assert dataclasses.replace(verified, smallest_wall=interface).remarks == verified.remarks
+
+
+def test_a_solid_that_leaves_the_stable_range_of_its_law_gets_a_remark(
+    verified: Verification,
+) -> None:
+    softening = Yeoh(K=5 / 3, C10=5 / 28, C20=-1.0, C30=0.0)
+    limit = stable_range(softening).ranges["planar"][1]
+    assert 1.0 < limit < verified.stretch_measure
+    problem = verified.design.problem.replace(material=softening)
+    design = dataclasses.replace(verified.design, problem=problem)
+    *others, remark = dataclasses.replace(verified, design=design).remarks
+    assert tuple(others) == verified.remarks
+    stretch = f"{verified.stretch_measure:.3g}"
+    assert remark.startswith(
+        f"The solid is stretched to {stretch}, but the yeoh law is stable only"
+    )
+    assert f"principal stretch of {limit:.3g} (planar" in remark
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        MooneyRivlin(5 / 3, 0.12, 0.06),
+        Ogden(5 / 3, 0.4, 1.3, 0.01, 5.0),
+        Gent(5 / 3, 5 / 14, 3.0),
+    ],
+    ids=lambda law: law.name,
+)
+def test_the_solid_has_the_law_of_the_problem(law: Law, column: Design) -> None:
+    design = dataclasses.replace(column, problem=column.problem.replace(material=law))
+    found = contact_load_displacement(mesh_body(design), (10.0, -6.0), threads=1)
+    stresses = [block_stress(design.problem, d) for d in (10.0, -6.0)]
+    plain = [block_stress(column.problem, d) for d in (10.0, -6.0)]
+    expected = contact_load_displacement(mesh_body(column), (10.0, -6.0), threads=1)
+    forces = [float(found.q[np.flatnonzero(found.d == d)[0]]) for d in (10.0, -6.0)]
+    known = [float(expected.q[np.flatnonzero(expected.d == d)[0]]) for d in (10.0, -6.0)]
+    ratio = np.array(stresses) / plain
+    assert abs(ratio - 1).max() > 1e-3
+    np.testing.assert_allclose(np.array(forces) / known, ratio, rtol=1e-8)
 
 
 def test_a_control_point_that_was_not_reached_is_a_dash(verified: Verification) -> None:

@@ -3,6 +3,9 @@ and `ngsolve.Integrate`; it shares no expression with the package."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import ngsolve as ng
 import numpy as np
 
@@ -14,13 +17,27 @@ from ngspring.problem.spring import SpringProblem
 
 #: K / G of nu = 0.45: more than this goes through a pressure field.
 K_OVER_G = 29 / 3
+#: Nominal stress, (3, 3), of a deformation gradient, (3, 3).
+Stress: TypeAlias = Callable[[ng.CoefficientFunction, SpringProblem], ng.CoefficientFunction]
+
+
+def eq_17(F: ng.CoefficientFunction, problem: SpringProblem) -> ng.CoefficientFunction:
+    """The paper's law, with as much of K as is taken point by point."""
+    G = problem.G
+    K = min(problem.K, K_OVER_G * G)
+    J = ng.Det(F)
+    B = F * F.trans
+    dev = B - ng.Trace(B) / 3 * ng.Id(3)
+    return K * ng.log(J) * ng.Inv(F).trans + G * J ** (-2 / 3) * dev * ng.Inv(F).trans
 
 
 class Lagrangian:
     """C* (Eqs. 5, 9, 11 and 19 or 24) as a plain function of a `State`."""
 
-    def __init__(self, problem: SpringProblem, chi_old: FloatArray, dt: float) -> None:
-        self.problem, self.dt = problem, dt
+    def __init__(
+        self, problem: SpringProblem, chi_old: FloatArray, dt: float, stress: Stress = eq_17
+    ) -> None:
+        self.problem, self.dt, self.stress = problem, dt, stress
         grid = Grid(problem)
         scalar = ScalarSpace(grid)
         self.mesh = grid.mesh
@@ -45,13 +62,8 @@ class Lagrangian:
 
     def _work(self) -> ng.CoefficientFunction:
         problem, f = self.problem, self.f
-        G = problem.G
-        K = min(problem.K, K_OVER_G * G)
-        F = ng.Id(3) + self._tensor("ux", "uy")
-        J = ng.Det(F)
-        B = F * F.trans
-        dev = B - ng.Trace(B) / 3 * ng.Id(3)
-        P = K * ng.log(J) * ng.Inv(F).trans + G * J ** (-2 / 3) * dev * ng.Inv(F).trans
+        K = min(problem.K, K_OVER_G * problem.G)
+        P = self.stress(ng.Id(3) + self._tensor("ux", "uy"), problem)
         chi = f["chi"] + self.eta
         rho = 1 / (1 + ng.exp(-chi))
         stiffness = problem.E_0 + (1 - problem.E_0) * rho / (1 + problem.p * (1 - rho))

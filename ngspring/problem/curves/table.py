@@ -66,7 +66,12 @@ class _Pair:
     columns: tuple[int, int]
 
 
-def parse_columns(text: str, specimen: int | None = None, quantities: str | None = None) -> Columns:
+def parse_columns(
+    text: str,
+    specimen: int | None = None,
+    quantities: str | None = None,
+    header_needed: str = "",
+) -> Columns:
     """Displacement and force, or strain and stress, from CSV text.
 
     Parameters
@@ -76,6 +81,8 @@ def parse_columns(text: str, specimen: int | None = None, quantities: str | None
         Which of several specimens, from 1, side by side or one below the other.
     quantities : {"force", "stress"}, optional
         Which to take if there are both: force and displacement by default.
+    header_needed : str
+        An example of a header, if it must not be missing: then stress and strain are preferred.
 
     Raises
     ------
@@ -87,12 +94,18 @@ def parse_columns(text: str, specimen: int | None = None, quantities: str | None
     remarks = []
     if skipped:
         remarks.append(f"{skipped} rows of numbers before the header are left out")
+    if not tables[0].header and header_needed:
+        raise ProblemError(
+            f"no header says what the columns are: begin with a line such as {header_needed}"
+        )
     if not tables[0].header:
         chosen_specimen(specimen, 1)
         x, y = tables[0].numbers((0, 1)).T
         remarks.append("no header: the first column is taken as d in mm, the second as q in N")
         return Columns(x, y, False, tuple(remarks))
     found = [_pairs(table) for table in tables]
+    if header_needed and all(pairs.get("stress") for pairs in found):
+        quantities = "stress"
     kind = _kind_of_curve(found, quantities, remarks)
     pairs = [pair for each in found for pair in each[kind]]
     pair = pairs[chosen_specimen(specimen, len(pairs))]
@@ -164,7 +177,8 @@ def _pairs(table: Table) -> dict[str, list[_Pair]]:
     for numbered in (False, True):
         headings = [Heading.of(text, numbered) for text in table.header]
         by_name = {kind: [k for k, h in enumerate(headings) if h.kind == kind] for kind in UNITS}
-        places = {kind: found or _by_unit(headings, kind) for kind, found in by_name.items()}
+        nominal = {kind: _nominal_ones(headings, found) for kind, found in by_name.items()}
+        places = {kind: found or _by_unit(headings, kind) for kind, found in nominal.items()}
         pairs = {
             kind: _paired(table, headings, places[x], places[y])
             for kind, (x, y) in QUANTITIES.items()
@@ -173,6 +187,11 @@ def _pairs(table: Table) -> dict[str, list[_Pair]]:
         if pairs:
             return pairs
     raise _no_pair(headings, {kind for kind in places if places[kind]})
+
+
+def _nominal_ones(headings: Sequence[Heading], places: list[int]) -> list[int]:
+    """Columns of a quantity without the true ones, where a file has both."""
+    return [k for k in places if headings[k].measure != "true"] or places
 
 
 def _by_unit(headings: Sequence[Heading], kind: str) -> list[int]:

@@ -7,14 +7,22 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from ngspring.basics.checks import nearest, shown
+from ngspring.basics.checks import finite_number, nearest, shown
 from ngspring.basics.errors import ProblemError
+from ngspring.problem.laws.arruda_boyce import ArrudaBoyce as ArrudaBoyce
 from ngspring.problem.laws.base import Law as Law
+from ngspring.problem.laws.gent import Gent as Gent
+from ngspring.problem.laws.mooney_rivlin import MooneyRivlin as MooneyRivlin
+from ngspring.problem.laws.named import find_named
 from ngspring.problem.laws.neo_hooke import NeoHooke as NeoHooke
-from ngspring.problem.material import MATERIAL_KEYS, moduli_from
+from ngspring.problem.laws.ogden import Ogden as Ogden
+from ngspring.problem.laws.yeoh import Yeoh as Yeoh
+from ngspring.problem.material import FITTED_NU, MATERIAL_KEYS, moduli_from
 
 #: By name, the paper's first.
-LAWS: Mapping[str, type[Law]] = MappingProxyType({law.name: law for law in (NeoHooke,)})
+LAWS: Mapping[str, type[Law]] = MappingProxyType(
+    {law.name: law for law in (NeoHooke, MooneyRivlin, Yeoh, Ogden, Gent, ArrudaBoyce)}
+)
 
 
 def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
@@ -24,7 +32,8 @@ def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
     ----------
     described : mapping
         Fields, and ``E``, ``shore_A``, ``material`` and ``nu`` as for
-        `ngspring.problem.material.moduli_from`; ``material`` may also be a law or its table.
+        `ngspring.problem.material.moduli_from`; ``material`` may also be a law or its table, or
+        the name of a material whose law is known, see `ngspring.problem.laws.named`.
 
     Raises
     ------
@@ -41,6 +50,12 @@ def with_material(described: Mapping[str, Any]) -> dict[str, Any]:
                 f" {next(key for key in given if key != 'material')}: give one"
             )
         return {**fields, "material": law if isinstance(law, Law) else law_from(law)}
+    named = find_named(law) if isinstance(law, str) else None
+    if named is not None and not described.keys() & {"K", "G", "E", "shore_A"}:
+        return {
+            **fields,
+            "material": named.law(finite_number("nu", described.get("nu", FITTED_NU))),
+        }
     moduli = moduli_from(described)
     return fields if moduli is None else {**fields, "K": moduli[0], "G": moduli[1]}
 
@@ -60,13 +75,15 @@ def law_from(described: Mapping[str, object]) -> Law:
             f"material.law = {shown(name)} is not valid: it must be {' or '.join(LAWS)}{hint}"
         )
     law = LAWS[name.casefold()]
-    names = [field.name for field in dataclasses.fields(law)]  # type: ignore[arg-type]
+    fields = dataclasses.fields(law)  # type: ignore[arg-type]
+    names = [field.name for field in fields]
+    needed = [field.name for field in fields if field.default is dataclasses.MISSING]
     given = {key: value for key, value in described.items() if key != "law"}
     for key in given:
         if key not in names:
             meant = nearest(key, names)
             raise ProblemError(f"unknown key {shown(key)} in material: did you mean {meant!r}?")
-    missing = [key for key in names if key not in given]
+    missing = [key for key in needed if key not in given]
     if missing:
         raise ProblemError(f"missing key {missing[0]!r} in material: {law.name} needs it")
     return law(**given)

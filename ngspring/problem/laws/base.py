@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
 from ngspring.basics.arrays import FloatArray
+from ngspring.basics.checks import finite_number, positive_number, refused
 from ngspring.problem.kinematics.base import Value
 
 Self = TypeVar("Self", bound="Law")
+
+#: With parameters up to this size nothing overflows.
+LARGEST_PARAMETER = 1e15
 
 
 class Deformation(Protocol):
@@ -24,8 +30,10 @@ class Deformation(Protocol):
     ----------
     J, log_J : value
         det F, and its logarithm.
-    I_1 : value
-        F : F, the first invariant of F^T F.
+    I_1, I_2 : value
+        Invariants of F^T F; the first one is F : F.
+    isochoric_I_1, isochoric_I_2 : value
+        Those of ``J^(-1/3) F``: 3 without deformation, and larger whenever the shape changes.
     """
 
     @property
@@ -44,11 +52,22 @@ class Deformation(Protocol):
     def I_2(self) -> Value:
         """Second invariant of F^T F."""
 
+    @property
+    def isochoric_I_1(self) -> Value:
+        """``J^(-2/3) I_1``."""
+
+    @property
+    def isochoric_I_2(self) -> Value:
+        """``J^(-4/3) I_2``."""
+
+    def power_sum(self, alpha: float) -> Value:
+        """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha."""
+
     def exp(self, x: Value) -> Value:
         """Exponential function."""
 
     def log(self, x: Value) -> Value:
-        """Natural logarithm."""
+        """Natural logarithm; not finite where x is not positive."""
 
 
 class Law(ABC):
@@ -107,6 +126,22 @@ class Law(ABC):
         return dataclasses.asdict(self)  # type: ignore[call-overload, no-any-return]
 
 
+def checked_parameters(law: Law, positive: Sequence[str] = ()) -> None:
+    """Make all parameters of a law, which is being made, numbers.
+
+    Raises
+    ------
+    ProblemError
+        If one is not a finite number, or one of those in ``positive`` not a positive one.
+    """
+    for field in dataclasses.fields(law):  # type: ignore[arg-type]
+        check = positive_number if field.name in positive else finite_number
+        number = check(field.name, getattr(law, field.name))
+        if abs(number) > LARGEST_PARAMETER:
+            raise refused(field.name, number, f"at most {LARGEST_PARAMETER:g} in size")
+        object.__setattr__(law, field.name, number)
+
+
 @dataclass(frozen=True, eq=False)
 class Stretches:
     """A deformation given by its principal stretches, numbers or arrays (real or complex)."""
@@ -123,7 +158,12 @@ class Stretches:
     @property
     def log_J(self) -> Value:
         """ln det F, without the rounding of the product."""
-        return self.log(self.first) + self.log(self.second) + self.log(self.third)
+        first, second, third = self._logs
+        return first + second + third
+
+    @cached_property
+    def _logs(self) -> tuple[Value, Value, Value]:
+        return self.log(self.first), self.log(self.second), self.log(self.third)
 
     @property
     def I_1(self) -> Value:
@@ -136,13 +176,29 @@ class Stretches:
         a, b, c = self.first**2, self.second**2, self.third**2
         return a * b + b * c + c * a
 
+    @property
+    def isochoric_I_1(self) -> Value:
+        """``J^(-2/3) I_1``."""
+        return self.exp(-2 / 3 * self.log_J) * self.I_1
+
+    @property
+    def isochoric_I_2(self) -> Value:
+        """``J^(-4/3) I_2``."""
+        return self.exp(-4 / 3 * self.log_J) * self.I_2
+
+    def power_sum(self, alpha: float) -> Value:
+        """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha."""
+        mean = self.log_J / 3
+        return sum(self.exp(alpha * (log - mean)) for log in self._logs)
+
     def exp(self, x: Value) -> Value:
         """Exponential function."""
         return np.exp(x)
 
     def log(self, x: Value) -> Value:
-        """Natural logarithm."""
-        return np.log(x)
+        """Natural logarithm; not a number where x is not positive, also if it is complex."""
+        possible = np.real(x) > 0.0
+        return np.where(possible, np.log(np.where(possible, x, 1.0)), np.nan)
 
 
 def principal_stresses(
@@ -150,12 +206,14 @@ def principal_stresses(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Principal nominal (first Piola-Kirchhoff) stresses in MPa for given principal stretches.
 
-    Derivatives of the energy by a complex step, exact to rounding.
+    Derivatives of the energy by a complex step, exact to rounding. Not numbers where the law has no
+    energy.
     """
     stretches = [np.asarray(value, dtype=complex) for value in (first, second, third)]
     step = 1e-200  # whose square is zero
     stresses = []
     for k in range(3):
         moved = [value + (1j * step if i == k else 0.0) for i, value in enumerate(stretches)]
-        stresses.append(np.asarray(np.imag(law.energy(Stretches(*moved))) / step))
+        with np.errstate(all="ignore"):
+            stresses.append(np.asarray(np.imag(law.energy(Stretches(*moved))) / step))
     return stresses[0], stresses[1], stresses[2]

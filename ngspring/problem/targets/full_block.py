@@ -20,6 +20,9 @@ from ngspring.problem.kinematics.base import Kinematics
 from ngspring.problem.laws.base import Law, principal_stresses
 from ngspring.problem.spring import SpringProblem
 
+#: Logarithm of the transverse stretch up to which a state without transverse stress is looked for.
+_FARTHEST = 50.0
+
 
 def uniaxial_stress(stretch: float, law: Law, kinematics: Kinematics) -> float:
     """First Piola-Kirchhoff stress of a bar whose sides are free to move (Eq. 17).
@@ -35,12 +38,12 @@ def uniaxial_stress(stretch: float, law: Law, kinematics: Kinematics) -> float:
     Returns
     -------
     float
-        Force over original area in MPa.
+        Force over original area in MPa; infinite where the law has no energy for such a stretch.
 
     Raises
     ------
     ProblemError
-        If the stretch is not positive.
+        If the stretch is not positive, or the law too unstable for such a state.
     """
     if not 0.0 < stretch < math.inf:
         raise ProblemError(f"a stretch of {stretch:g} is impossible: it must be positive")
@@ -57,12 +60,26 @@ def uniaxial_stress(stretch: float, law: Law, kinematics: Kinematics) -> float:
     # The transverse stress grows with the transverse stretch: its sign tells on which side of zero
     # the root is.
     log_x, at_rest = 0.0, stresses(0.0)[0]
+    if not math.isfinite(at_rest):
+        return math.copysign(math.inf, stretch - 1.0)
+
+    def across(log_x: float) -> float:
+        """Where chains lock the root has been passed."""
+        value = stresses(log_x)[0]
+        return value if math.isfinite(value) else -at_rest
+
     if at_rest != 0.0:
         reach = -math.copysign(max(abs(math.log(stretch)), 1e-3), at_rest)
-        while stresses(reach)[0] * at_rest > 0.0:
+        while across(reach) * at_rest > 0.0:
             reach *= 1.5
-        log_x = brentq(lambda value: stresses(value)[0], 0.0, reach, xtol=1e-15, rtol=1e-14)
-    return stresses(log_x)[1]
+            if abs(reach) > _FARTHEST:
+                raise ProblemError(
+                    f"at a stretch of {stretch:g} the {law.name} law has no state with free sides:"
+                    " it is not stable there"
+                )
+        log_x = brentq(across, 0.0, reach, xtol=1e-15, rtol=1e-14)
+    along = stresses(log_x)[1]
+    return along if math.isfinite(along) else math.copysign(math.inf, stretch - 1.0)
 
 
 def block_stress(problem: SpringProblem, d: float) -> float:

@@ -13,6 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from ngspring.problem.laws.modes import MODES
+from ngspring.problem.laws.stability import stable_range
 from ngspring.problem.material import nu_advice, young_and_poisson
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import with_similar_weights
@@ -27,6 +29,8 @@ NEARLY_FULL = 0.5
 EXTREME_STRETCH = 0.5
 #: Relative displacement below which a spring is practically linear.
 SMALL_STRETCH = 1e-3
+#: Principal stretch that walls of a spring reach here and there.
+SOON_STRETCHED = 2.0
 #: Exponents of a power law through zero and two targets, as tried in the paper (Tables 2 and 3).
 TRIED_COMPRESSION = (0.32, 1.46)
 TRIED_TENSION = (0.58, 1.46)
@@ -64,7 +68,18 @@ def check_targets(problem: SpringProblem) -> list[Finding]:
         everything that follows from it.
     """
     findings: list[Finding] = []
-    for check in (_signs, _monotone, _block, _soft, _volume, _stretch, _shape, _sides, _numerics):
+    for check in (
+        _signs,
+        _monotone,
+        _block,
+        _soft,
+        _volume,
+        _stretch,
+        _law,
+        _shape,
+        _sides,
+        _numerics,
+    ):
         findings += check(problem)
     findings.sort(key=lambda finding: LEVELS.index(finding.level))
     if _may_be_in_metres(problem):
@@ -271,6 +286,27 @@ def _stretch(problem: SpringProblem) -> Iterator[Finding]:
         )
     if largest < SMALL_STRETCH * problem.H and not _may_be_in_metres(problem):
         yield Finding("warning", _too_small(problem))
+
+
+def _law(problem: SpringProblem) -> Iterator[Finding]:
+    stretches = [1 + point.d / problem.H for point in problem.control_points]
+    largest = max(max(stretch, 1 / stretch) for stretch in stretches)
+    limit, test = stable_range(problem.law).first_limit(
+        MODES if problem.motion.axis else ("planar",)
+    )
+    if largest > limit:
+        yield Finding(
+            "warning",
+            f"the spring as a whole is stretched or compressed by a factor of {largest:.3g}, but"
+            f" the {problem.law.name} law is stable only up to a principal stretch of"
+            f" {limit:.3g} ({test})",
+        )
+    elif limit < SOON_STRETCHED:
+        yield Finding(
+            "note",
+            f"the {problem.law.name} law is stable only up to a principal stretch of"
+            f" {limit:.3g} ({test}): ngspring verify tells whether the part goes beyond",
+        )
 
 
 def _may_be_in_metres(problem: SpringProblem) -> bool:

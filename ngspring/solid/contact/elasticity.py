@@ -268,7 +268,7 @@ def section_force(body: Body, solid: Solid, full: FloatArray) -> float:
     v, grad_v = ng.CF((0, ng.y / height)), ng.CF((0, 0, 0, 1 / height), dims=(2, 2))
     work = _virtual_work(body, solid, ng.Grad(solid.u), v, grad_v)
     with tasks():
-        total = work * ng.dx(intrules=_rules())
+        total = work.Compile() * ng.dx(intrules=_rules())
         return float(ng.Integrate(total, solid.mesh))
 
 
@@ -286,7 +286,7 @@ def side_force(body: Body, solid: Solid, full: FloatArray, side: str) -> float:
     stress = _virtual_work(body, solid, at_side, zero, vertical)
     share = grid.sector.share
     with tasks():
-        total = stress * ng.ds(side, bonus_intorder=4)
+        total = stress.Compile() * ng.ds(side, bonus_intorder=4)
         return share * float(ng.Integrate(total, solid.mesh))
 
 

@@ -1,0 +1,1 @@
+"""From tests of a material to the parameters of a law."""
