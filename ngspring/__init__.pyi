@@ -57,6 +57,8 @@ from .solid.contact.response import ContactResponse as ContactResponse
 from .solid.contact.response import ContactSettings as ContactSettings
 from .solid.contact.response import contact_load_displacement as contact_load_displacement
 from .solid.export.export import export_body as export_body
+from .solid.imperfection import Imperfection as Imperfection
+from .solid.imperfection import imperfection as imperfection
 from .solid.mesh.body import Body as Body
 from .solid.mesh.mesh_body import mesh_body as mesh_body
 from .solid.tolerance import Tolerance as Tolerance
@@ -84,6 +86,7 @@ __all__ = [
     "Finding",
     "Fit",
     "History",
+    "Imperfection",
     "Ladder",
     "LeapRule",
     "MaterialTest",
@@ -119,6 +122,7 @@ __all__ = [
     "follow",
     "gallery",
     "get_case",
+    "imperfection",
     "load_displacement",
     "mesh_body",
     "optimality",

@@ -88,6 +88,12 @@ def curve_displacements(
     return np.asarray(np.where(same, nearest, values))
 
 
+def path_displacements(design: Design, points: int) -> tuple[float, ...]:
+    """Evenly spaced displacements in mm with the control points and zero, in increasing order."""
+    controls = [point.d for point in design.problem.control_points]
+    return tuple(sorted({0.0, *controls, *map(float, curve_displacements(design, points=points))}))
+
+
 def index_of(curve: Curve, d: float) -> int | None:
     """Place of a displacement in a curve; None if it was not reached."""
     largest = float(np.abs(curve.d).max(initial=0.0))

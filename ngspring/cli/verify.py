@@ -8,11 +8,13 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from ngspring.analysis.states import path_displacements
 from ngspring.basics.files import write_text
 from ngspring.basics.text import significant
 from ngspring.cli.arguments import results_folder
 from ngspring.cli.options import (
     OK,
+    FiniteRange,
     across_option,
     incomplete,
     offset_option,
@@ -23,8 +25,11 @@ from ngspring.cli.options import (
 from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
+from ngspring.problem.imperfection import ODD_IN
+from ngspring.solid.imperfection import Imperfection, checked_odd_in, imperfection
 from ngspring.solid.tolerance import offset_level
 from ngspring.solid.verification import Verification, verify
+from ngspring.view.imperfection import imperfection_figure
 from ngspring.view.solid import contact_states_figure, verification_figure
 from ngspring.view.text import deviation_text, signed_percent
 
@@ -34,6 +39,19 @@ from ngspring.view.text import deviation_text, signed_percent
 @points_option(21)
 @offset_option
 @across_option
+@click.option(
+    "--imperfect",
+    type=FiniteRange(min=0.0, min_open=True),
+    metavar="MM",
+    help="Compute the whole solid with surfaces moved by up to this many mm, too: is the spring"
+    " stable?",
+)
+@click.option(
+    "--odd-in",
+    type=click.Choice(ODD_IN),
+    help="With --imperfect: in which axes the pattern of the moves is odd, so which symmetries it"
+    " breaks.  [default: xy; y in a body of revolution]",
+)
 @results_option
 @threads_option
 def verify_command(
@@ -41,6 +59,8 @@ def verify_command(
     points: int,
     offset: float,
     elements_across: int,
+    imperfect: float | None,
+    odd_in: str | None,
     out: Path | None,
     threads: int | None,
 ) -> int:
@@ -48,12 +68,18 @@ def verify_command(
 
     The design is a file, a run folder, or the name of a stored design. Written are
     verification.json, verification.png (both curves) and contact.png (the deformed mesh with the
-    contact pressure at every control point).
+    contact pressure at every control point). With --imperfect also imperfection.json and
+    imperfection.png, the curves of the perfect and the imperfect solid.
     """
+    if odd_in is not None and imperfect is None:
+        raise click.UsageError("--odd-in needs --imperfect: how far surfaces are moved")
     design, path = read_design(name)
+    if imperfect is not None:
+        odd_in = checked_odd_in(design.problem, odd_in)
+    wanted = path_displacements(design, points)
     outcome = verify(
         design,
-        points=points,
+        wanted,
         level=offset_level(design, offset),
         elements_across=elements_across,
         threads=threads,
@@ -69,8 +95,28 @@ def verify_command(
         folder / "contact.png": lambda: contact_states_figure(outcome),
     }
     names = ["verification.json", *write_pictures(pictures)]
+    code = OK if outcome.complete else incomplete(outcome.message)
+    if imperfect is not None:
+        moved = imperfection(
+            design,
+            imperfect,
+            wanted,
+            odd_in=odd_in,
+            threads=threads,
+            perfect=outcome.contact,
+        )
+        names += _tell_imperfection(moved, folder)
+        code = max(code, OK if moved.complete else incomplete(moved.message))
     click.echo(f"files in {folder}: {', '.join(names)}")
-    return OK if outcome.complete else incomplete(outcome.message)
+    return code
+
+
+def _tell_imperfection(outcome: Imperfection, folder: Path) -> list[str]:
+    """Print what an imperfection does, and write its files; their names."""
+    click.echo(outcome.verdict)
+    write_text(folder / "imperfection.json", json.dumps(outcome.to_dict(), indent=1) + "\n")
+    picture = {folder / "imperfection.png": lambda: imperfection_figure(outcome)}
+    return ["imperfection.json", *write_pictures(picture)]
 
 
 def verification_table(outcome: Verification) -> Table:

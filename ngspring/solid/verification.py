@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ngspring.analysis.finished import curve_of
-from ngspring.analysis.states import States, curve_displacements, force_at, index_of
+from ngspring.analysis.states import States, force_at, index_of, path_displacements
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
 from ngspring.basics.text import significant
@@ -269,8 +269,7 @@ def verify(
         If a displacement is not a finite number smaller than H in size.
     """
     if displacements is None:
-        controls = [point.d for point in design.problem.control_points]
-        displacements = sorted({0.0, *controls, *curve_displacements(design, points=points)})
+        displacements = path_displacements(design, points)
     wanted = list(displacements)
     body = mesh_body(design, level=level, elements_across=elements_across)
     contact = contact_load_displacement(body, wanted, settings=settings, threads=threads)

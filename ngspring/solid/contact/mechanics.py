@@ -33,6 +33,10 @@ _DEEP = 4.0
 #: Surfaces touch from what overlap on, in the same units.
 _PRESSED = 1e-6
 _ROUGH = 1e-4
+#: Shorter steps with one of them say that it is too soft to keep surfaces apart.
+_SHORT = 1e-2
+#: Where contact leaves no more than this part of a step, the softer laws are asked what touches.
+_CUT = 0.01
 
 _PREDICTIONS = 8
 #: The last factors serve again after a step that left no more than this part of the forces.
@@ -84,12 +88,30 @@ class ContactPoint:
     before: ContactPoint | None = None
 
 
+class _BlockedError(Exception):
+    """Contact that closed on the way of a Newton step left little of it.
+
+    Attributes
+    ----------
+    u : array (free,)
+        The unknowns that were reached.
+    made : int
+        Tangents made.
+    """
+
+    def __init__(self, u: FloatArray, made: int) -> None:
+        super().__init__("a Newton step is cut short by contact")
+        self.u, self.made = u, made
+
+
 class _State:
     """Forces, and the energy where it is asked for, at some displacements."""
 
-    def __init__(self, solid: Solid, law: Contact, full: FloatArray, ahead: bool) -> None:
+    def __init__(
+        self, solid: Solid, law: Contact, u: FloatArray, full: FloatArray, ahead: bool
+    ) -> None:
         self._solid, self._law = solid, law
-        self.full = full
+        self.u, self.full = u, full
         self.contact: ContactState = law.state(full, ahead)
         forces = solid.forces(full) + law.forces(self.contact)
         self.force = np.asarray(solid.transposed @ forces)
@@ -126,7 +148,9 @@ class ContactMechanics:
         See `ngspring.fem.linear.make_factorization`.
     """
 
-    MAX_ITERATIONS = 60
+    #: Most tangents of a step along the path, and of one so short that where it ends is where the
+    #: body goes: through a snap, downhill all the way.
+    MAX_ITERATIONS, PATIENCE = 30, 300
     ACCURACY = 1e-9
     #: How the step of a load path changes.
     steps = Steps(
@@ -170,7 +194,7 @@ class ContactMechanics:
         self, d: float, u: FloatArray, law: Contact | None = None, ahead: bool = False
     ) -> _State:
         law = self.contact if law is None else law
-        return _State(self.solid, law, self.full_field(d, u), ahead)
+        return _State(self.solid, law, u, self.full_field(d, u), ahead)
 
     def _tangent(self, state: _State, law: Contact | None = None) -> Tangent:
         stiffness = self.solid.tangent_values(state.full)
@@ -199,12 +223,15 @@ class ContactMechanics:
             if shift > 1e4:
                 raise ConvergenceError("no downhill direction was found")
 
-    def equilibrium(self, d: float, guess: FloatArray, again: bool = False) -> ContactPoint:
+    def equilibrium(
+        self, d: float, guess: FloatArray, again: bool = False, most: int = PATIENCE
+    ) -> ContactPoint:
         """Minimum of the energy at a prescribed d, from an admissible guess.
 
-        Where surfaces overlap in the guess more than they will in equilibrium, softer contact laws
-        first find out what touches: with the stiff one, points would bounce. The last factors are
-        tried ``again`` first.
+        Where surfaces overlap in the guess more than they will in equilibrium, or close on the way
+        as nobody foresaw, softer contact laws first find out what touches: with the stiff one,
+        points would bounce. The last factors are tried ``again`` first, and there are at ``most``
+        so many iterations with each law.
 
         Raises
         ------
@@ -215,22 +242,41 @@ class ContactMechanics:
         state = self._state(d, u)
         if not state.admissible:
             raise ConvergenceError("the initial guess inverts an element")
-        contact = self.contact
-        if state.contact.smallest_gap < -_DEEP * contact.law.epsilon:
-            for factor in _SOFTER:
-                softer = contact.with_law(contact.law.softened(factor))
-                u, _, more = self._minimise(d, u, self._state(d, u, softer), softer, _ROUGH)
-                made += more
-            state = self._state(d, u)
-            again = False
-        while made <= self.MAX_ITERATIONS:
-            u, state, more = self._minimise(d, u, state, contact, self.ACCURACY, again)
+        known = state.contact.smallest_gap >= -_DEEP * self.contact.law.epsilon
+        hasty = known
+        while made <= most:
+            try:
+                if not known:
+                    u, made = self._touched(d, u, made, most)
+                    state, again, known = self._state(d, u), False, True
+                u, state, more = self._minimise(
+                    d, u, state, self.contact, self.ACCURACY, most, again=again, hasty=hasty
+                )
+            except _BlockedError as blocked:
+                u, made, known, hasty = blocked.u, made + blocked.made, False, False
+                continue
             made += more
             point, moved = self._finished(d, u, state, made)
             if moved <= 100 * self.ACCURACY * self.size:
                 return point
             u, state, made, again = point.u, self._state(d, point.u), made + 1, True
         raise ConvergenceError("the unknowns move where forces are in balance")
+
+    def _touched(self, d: float, u: FloatArray, made: int, most: int) -> tuple[FloatArray, int]:
+        """Unknowns at which softer contact laws are in balance, and the tangents made in all.
+
+        On a fine mesh the softest may be too soft to keep skeletons apart: then the next one is
+        the first.
+        """
+        for factor in _SOFTER:
+            softer = self.contact.with_law(self.contact.law.softened(factor))
+            try:
+                u, _, more = self._minimise(d, u, self._state(d, u, softer), softer, _ROUGH, most)
+            except ConvergenceError as error:
+                logger.debug("contact %g times softer: %s", factor, error)
+                continue
+            made += more
+        return u, made
 
     def _minimise(
         self,
@@ -239,11 +285,15 @@ class ContactMechanics:
         state: _State,
         contact: Contact,
         accuracy: float,
+        most: int,
+        *,
         again: bool = False,
+        hasty: bool = False,
     ) -> tuple[FloatArray, _State, int]:
         """Newton's method until forces and updates are small; returns u and the tangents made.
 
-        With the exact law, whoever goes on from there (`_finished`) looks at the update.
+        With the exact law, whoever goes on from there (`_finished`) looks at the update. In haste
+        it is `_BlockedError` by contact that cuts a step to a small part.
         """
         shift, made, left = 0.0, 0, 0.0 if again else 1.0
         exact = contact is self.contact
@@ -280,6 +330,8 @@ class ContactMechanics:
         def converged(step: Step[_State]) -> bool:
             nonlocal left, norm
             norm = step.after.imbalance
+            if hasty and step.length < _CUT:
+                raise _BlockedError(step.after.u, made)
             whole = step.length == 1.0 and shift == 0.0
             left = norm / max(step.before.imbalance, 1e-300) if whole else 1.0
             small = exact or step.size <= 100 * accuracy * self.size
@@ -293,8 +345,8 @@ class ContactMechanics:
                 direction=direction,
                 acceptable=acceptable,
                 converged=converged,
-                max_iterations=self.MAX_ITERATIONS,
-                smallest=1e-8,
+                max_iterations=most,
+                smallest=1e-8 if exact else _SHORT,
                 longest=longest,
                 stuck="the energy has no lower state along a Newton step",
             )
@@ -392,7 +444,9 @@ class ContactMechanics:
             end = self.full_field(d, guess)
             free_way = self.skeleton.largest_step(begin, end)
             if free_way == 1.0 and not self.solid.inverted(end):
-                there = self.equilibrium(d, guess, self._is_straight(here))
+                resolved = tried <= self.steps.resolved * self.size
+                most = self.PATIENCE if resolved else self.MAX_ITERATIONS
+                there = self.equilibrium(d, guess, self._is_straight(here), most)
                 there = replace(there, before=replace(here, before=None))
                 gap = there.contact.smallest_gap
                 log = "d = %.6g mm: q = %.8g N, %d iterations, gap %.3g mm"

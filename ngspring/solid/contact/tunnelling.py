@@ -62,7 +62,8 @@ class Skeleton:
         self._mesh = ipctk.CollisionMesh(rest, np.asfortranarray(polygons))
         if ipctk.has_intersections(self._mesh, rest):
             raise ProblemError(
-                "the mesh is too coarse for its shape: polygons just inside its surface intersect"
+                "polygons just inside the surface intersect: the mesh is too coarse for its shape,"
+                " or surfaces were moved into each other"
             )
 
     def positions(self, full: FloatArray) -> FloatArray:

@@ -115,7 +115,7 @@ def mesh_body(
     boundary = survey(solid)
     mesh, across = _mesh_with_walls(solid, boundary, sizes)
     if domain == "full" and ls.problem.domain != domain:
-        mesh = mirrored(mesh, ls)
+        mesh = mirrored(mesh, ls.problem.sector)
         body_problem = ls.problem.replace(domain="full")
         area = solid.area * len(mesh.triangles) / mesh.quarter_elements
     else:

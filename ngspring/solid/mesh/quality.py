@@ -67,7 +67,7 @@ def quality_of(mesh: TriangleMesh, area: float, across: int, boundary: Boundary)
         elements=len(mesh.triangles),
         nodes=len(mesh.points),
         smallest_angle=float(np.degrees(_angles(p).min())),
-        smallest_jacobian=float((jacobian.min(axis=1) / jacobian.max(axis=1)).min()),
+        smallest_jacobian=smallest_jacobian(mesh),
         elements_across=across,
         thinnest_wall=float(boundary.thickness.min()),
         narrowest_gap=float(boundary.gap.min()),
@@ -76,6 +76,12 @@ def quality_of(mesh: TriangleMesh, area: float, across: int, boundary: Boundary)
         smallest_edge=float(edges.min()),
         largest_edge=float(edges.max()),
     )
+
+
+def smallest_jacobian(mesh: TriangleMesh) -> float:
+    """See `MeshQuality.smallest_jacobian`."""
+    bounds = _jacobian_bounds(mesh)
+    return float((bounds.min(axis=1) / np.abs(bounds).max(axis=1)).min())
 
 
 def _jacobian_bounds(mesh: TriangleMesh) -> FloatArray:
@@ -112,7 +118,7 @@ def layers_across(mesh: TriangleMesh, boundary: Boundary, ls: LevelSet) -> IntAr
     The number of edges on the shortest way through the mesh from the node nearest to the point to
     the nodes of the opposite surface within reach of the disc that measures the wall.
     """
-    whole = mirrored(mesh, ls, axis_too=True)
+    whole = mirrored(mesh, ls.problem.sector, axis_too=True)
     n = whole.vertices
     a, b = whole.triangles[:, [0, 1, 2]].ravel(), whole.triangles[:, [1, 2, 0]].ravel()
     ones = np.ones(len(a), np.int8)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ngspring.basics.arrays import FloatArray, IntArray
-from ngspring.problem.sector import Mirror
+from ngspring.problem.sector import Mirror, Sector
 from ngspring.solid.outline.levelset import LevelSet
 from ngspring.solid.sides import SIDES, SURFACE
 
@@ -118,13 +118,13 @@ def _with_middles(
     )
 
 
-def mirrored(mesh: TriangleMesh, ls: LevelSet, axis_too: bool = False) -> TriangleMesh:
+def mirrored(mesh: TriangleMesh, sector: Sector, axis_too: bool = False) -> TriangleMesh:
     """The mesh together with its images at the mirror lines of the meshed part.
 
     Coordinates of images are ``L - x`` and ``H - y`` bit by bit; nodes on a mirror line are shared.
     The axis of an axisymmetric spring counts as a mirror line only if asked for.
     """
-    for mirror in ls.problem.sector.mirrors:
+    for mirror in sector.mirrors:
         if axis_too or not mirror.rotation:
             mesh = _reflected(mesh, mirror)
     return mesh
