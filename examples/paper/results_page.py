@@ -11,8 +11,6 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
   stability_of_gallery.py);
 - ``parts``: every stored part beside the design it was made from (results/parts.json, written by
   evaluation_of_parts.py);
-- ``limits`` and ``bands``: what limits of strains cost, and what robust changes
-  (results/limits.json, written by limits_and_tolerances.py);
 - ``verification``: how far the remodelled solid with real contact is from the third medium
   (results/verification.json, written by verification_of_gallery.py).
 
@@ -243,34 +241,6 @@ def parts_table() -> str:
     return table(header, rows)
 
 
-def limits_table() -> str:
-    rows = [
-        (
-            name.split("-")[0],
-            f"{found['limit']:g}" if found["limit"] else "none",
-            f"{found['stretch_measure']:.3f}" if found["stretch_measure"] else "-",
-            f"{found['largest_stretch']:.2f}" if found["largest_stretch"] else "-",
-            f"{found['width']:.4f}",
-        )
-        for name, found in read("limits").items()
-        if "-limit" in name
-    ]
-    header = ("design", "limit", "stretch of a thousandth", "largest stretch", "W/H")
-    return table(header, rows)
-
-
-def bands_table() -> str:
-    rows = []
-    for name, found in read("limits").items():
-        if "bands" not in found:
-            continue
-        widths = ", ".join(f"{width:.3g} at {d:g}" for d, width in found["bands"])
-        which = "robust" if "-robust" in name else "plain"
-        rows.append((name.split("-")[0], which, widths, f"{found['width']:.4f}"))
-    header = ("design", "", "band of q [N] at d [mm], surfaces 0.2 mm in to 0.2 mm out", "W/H")
-    return table(header, sorted(rows))
-
-
 def replaced(text: str, name: str, content: str) -> str:
     pattern = rf"(<!-- {name} -->\n).*?(<!-- end {name} -->)"
     new, count = re.subn(pattern, lambda m: f"{m[1]}{content}\n{m[2]}", text, flags=re.DOTALL)
@@ -288,8 +258,6 @@ def page() -> str:
     text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
     text = replaced(text, "parts", parts_table())
-    text = replaced(text, "limits", limits_table())
-    text = replaced(text, "bands", bands_table())
     return replaced(text, "verification", verification_table())
 
 
