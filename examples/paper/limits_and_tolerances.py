@@ -3,7 +3,8 @@
 For every run with a `stretch_limit` the solid's own measure (the stretch that a thousandth of its
 volume exceeds, by real contact at the control points) stands beside the limit, and W/H over the
 limit is drawn in figures/limits.png. For C4, C7, T3 and A3 the largest change of force per mm of
-offset at a control point, with and without `robust`. Both go to results/limits.json. Runs that have not changed are skipped; a minute for each on one core.
+offset at a control point, with and without `robust`. Both go to results/limits.json.
+Runs that have not changed are skipped; a minute for each on one core.
 
     ngspring campaign examples/paper/limits.toml --out limits
     python examples/paper/limits_and_tolerances.py limits [--threads N]
