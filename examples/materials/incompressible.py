@@ -56,9 +56,10 @@ def evaluated(design: Design, threads: int | None) -> dict[str, Any]:
 
 def draw(designs: dict[str, Design | None], known: dict[str, Any], path: Path) -> None:
     """A row for each case, a column for each Poisson's ratio."""
-    figure = new_figure(2.3 * len(RATIOS), 2.8 * len(CASES))
-    panels = figure.subplots(len(CASES), len(RATIOS), squeeze=False)
-    for row, case in zip(panels, CASES, strict=True):
+    cases = [case for case in CASES if any(name.startswith(case) for name in known)]
+    figure = new_figure(2.3 * len(RATIOS), 2.8 * len(cases))
+    panels = figure.subplots(len(cases), len(RATIOS), squeeze=False)
+    for row, case in zip(panels, cases, strict=True):
         for axes, nu in zip(row, RATIOS, strict=True):
             design = designs[f"{case}-nu{nu}"]
             axes.set_axis_off()
