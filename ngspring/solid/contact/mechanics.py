@@ -148,9 +148,9 @@ class ContactMechanics:
         See `ngspring.fem.linear.make_factorization`.
     """
 
-    #: Most tangents of a step along the path, and of one so short that where it ends is where the
-    #: body goes: through a snap, downhill all the way.
-    MAX_ITERATIONS, PATIENCE = 30, 300
+    #: Most iterations of a step along the path, and of one so short that where it ends is where the
+    #: body goes, through a snap. Where 60 are not enough a shorter step takes a few.
+    MAX_ITERATIONS, PATIENCE = 30, 60
     ACCURACY = 1e-9
     #: How the step of a load path changes.
     steps = Steps(
