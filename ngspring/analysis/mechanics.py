@@ -128,9 +128,7 @@ class Mechanics:
         self.images: Images = images(scalar, self.odd_in)
         self.free = self.images.free
         self.void = VoidRegularisation(scalar)
-        self._pressure: PressureField | None = None
-        if PressureField.needed(problem):
-            self._pressure = PressureField(scalar, self.void.table)
+        self._pressure = PressureField.where_needed(scalar, self.void.table)
         self._field = ng.GridFunction(scalar.space)
         self._offset = OffsetField(problem, [self.odd_in] if self.odd_in else [])
         table = self.void.table
@@ -167,14 +165,12 @@ class Mechanics:
         pattern = united(product_pattern(rows, columns, P, P) for P in matrices)
         self._maps = [product_map(rows, columns, P, P, pattern) for P in matrices]
         n = self.scalar.ndof
-        table = self.void.table.dofs
-        r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        r, c = self.void.table.pairs
         both = np.concatenate([r, r + n]), np.concatenate([c, c + n])
         self._void_maps = [product_map(*both, P, P, pattern) for P in matrices]
         if self._pressure is not None:
             of_pressure = self._pressure.places
             self._pressure_maps = [product_map(*of_pressure, P, P, pattern) for P in matrices]
-        self._transposed = [P.T.tocsr() for P in matrices]
         rows, columns = pattern.rows, pattern.columns
         if wants_upper(solver):
             rows, columns = columns, rows
@@ -193,7 +189,7 @@ class Mechanics:
 
     def _set_points(self, chi_at_points: FloatArray, offset: Offset) -> None:
         table, problem = self.void.table, self.problem
-        self._offsets = [offset.mirrored(copy.sign) for copy in self.images.copies]
+        self._offsets = self.images.offsets(offset)
         self._offset.set(self._offsets[0])
         self._at_points: list[FloatArray] = [
             chi_at_points + of_copy.at(table.x, table.y, problem.L, problem.H)
@@ -275,16 +271,16 @@ class Mechanics:
 
     def forces(self, d: float, u: FloatArray) -> FloatArray:
         """dE/d(u, d): forces on the free displacements, and q as the last entry."""
-        forces: FloatArray = np.zeros(self.free + 1)
+        forces = []
         for k, field in enumerate(self.fields(d, u)):
-            copy = self._load(k, field)
+            self._load(k, field)
             with tasks():
                 self._form.Apply(self._u.vec, self._result)
             total = self._result.FV().NumPy() + self.void.forces(self._at_points[k], field)
             if self._pressure is not None:
                 total = total + self._pressure.forces(self._at_points[k], field)
-            forces += copy.share * (self._transposed[k] @ total)
-        return forces
+            forces.append(total)
+        return self.images.reduced(forces)
 
     def assemble(self, d: float, u: FloatArray, shift: float = 0.0) -> tuple[FloatArray, float]:
         """Assemble and factorise the tangent; returns its column of u_Ty and their corner.

@@ -24,7 +24,7 @@ from ngspring.analysis.forward import nodal_values
 from ngspring.analysis.mechanics import Equilibrium, Mechanics
 from ngspring.analysis.modes import MOST_NEGATIVE, FullTangent, Mode, mirrored
 from ngspring.analysis.path import both_ways, checked_displacements, follow, in_order
-from ngspring.analysis.states import curve_displacements
+from ngspring.analysis.states import path_displacements
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
@@ -296,8 +296,7 @@ def stability(
     """
     problem = design.problem
     if displacements is None:
-        controls = [point.d for point in problem.control_points]
-        displacements = sorted({0.0, *controls, *curve_displacements(design, points=9)})
+        displacements = path_displacements(design, 9)
     targets = checked_displacements(displacements, problem)
     if not np.isfinite(eta):
         raise ProblemError(f"eta = {eta!r} must be a finite number")

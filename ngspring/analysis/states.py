@@ -32,6 +32,14 @@ class Curve(Protocol):
         """Forces in N."""
 
 
+class Ended(Protocol):
+    """Something that may have ended early."""
+
+    @property
+    def message(self) -> str:
+        """Where and why, if it did."""
+
+
 class Fields(Protocol):
     """Displacement fields by the place of their point in a curve."""
 
@@ -105,6 +113,18 @@ def force_at(curve: Curve, d: float) -> float:
     """Force in N at a displacement; NaN if it was not reached."""
     index = index_of(curve, d)
     return float("nan") if index is None else float(curve.q[index])
+
+
+def common_path(first: Curve, second: Curve) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Displacements of a curve that another one reached, too, and the forces of both there."""
+    d = np.array([x for x in first.d if index_of(second, x) is not None])
+    q, other = (np.array([force_at(curve, x) for x in d]) for curve in (first, second))
+    return d, q, other
+
+
+def endings(named: Mapping[str, Ended]) -> str:
+    """Where and why paths ended, by their names; empty if none did."""
+    return "; ".join(f"{name}: {curve.message}" for name, curve in named.items() if curve.message)
 
 
 def control_places(curve: Curve, problem: SpringProblem, eta: float) -> list[int]:

@@ -20,6 +20,7 @@ from ngspring.cli.options import (
     anywhere_option,
     complain,
     domain_option,
+    odd_in_option,
     solver_option,
     threads_option,
     unsound,
@@ -37,7 +38,6 @@ from ngspring.evolution.optimize import optimize
 from ngspring.evolution.runstate import read_run
 from ngspring.part.realisation import PartSettings
 from ngspring.part.realise import realise
-from ngspring.problem.imperfection import ODD_IN
 from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.targets.plausibility import check_targets
@@ -101,11 +101,7 @@ from ngspring.view.run_files import write_pictures
     help="Do nearly the same with surfaces moved by up to so many mm in a pattern that breaks the"
     " symmetries, so that the spring does not buckle.",
 )
-@click.option(
-    "--odd-in",
-    type=click.Choice(ODD_IN),
-    help="Axes in which that pattern is odd (default: xy; y of an axisymmetric spring).",
-)
+@odd_in_option("--imperfection")
 @solver_option
 @click.option("--report", is_flag=True, help="Keep report.html up to date while the run goes on.")
 @click.option("--anyway", is_flag=True, help="Try even if the targets are out of reach.")

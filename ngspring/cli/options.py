@@ -14,6 +14,7 @@ import click
 from ngspring.basics.checks import printable, shown
 from ngspring.basics.errors import NgspringError
 from ngspring.basics.files import holds_archive
+from ngspring.problem.imperfection import ODD_IN
 from ngspring.problem.sector import DOMAINS
 
 #: Displacements that an analysis is asked for.
@@ -84,6 +85,18 @@ solver_option = click.option(
     show_default=True,
     help="Linear solver; auto takes pardiso if it is installed.",
 )
+
+
+def odd_in_option(option: str) -> Callable[[Command], Command]:
+    """--odd-in, which belongs to an option that moves surfaces."""
+    return click.option(
+        "--odd-in",
+        type=click.Choice(ODD_IN),
+        help=f"With {option}: in which axes the pattern of the moves is odd, so which symmetries it"
+        " breaks.  [default: xy; y in a body of revolution]",
+    )
+
+
 offset_option = click.option(
     "--offset",
     type=Finite(),

@@ -17,6 +17,7 @@ from ngspring.cli.options import (
     FiniteRange,
     across_option,
     incomplete,
+    odd_in_option,
     offset_option,
     points_option,
     results_option,
@@ -25,8 +26,8 @@ from ngspring.cli.options import (
 from ngspring.cli.pictures import write_pictures
 from ngspring.cli.tables import make_console, new_table
 from ngspring.evolution.folder import read_design
-from ngspring.problem.imperfection import ODD_IN
-from ngspring.solid.imperfection import Imperfection, checked_odd_in, imperfection
+from ngspring.problem.imperfection import checked_odd_in
+from ngspring.solid.imperfection import Imperfection, imperfection
 from ngspring.solid.tolerance import offset_level
 from ngspring.solid.verification import Verification, verify
 from ngspring.view.imperfection import imperfection_figure
@@ -46,12 +47,7 @@ from ngspring.view.text import deviation_text, signed_percent
     help="Compute the whole solid with surfaces moved by up to this many mm, too: is the spring"
     " stable?",
 )
-@click.option(
-    "--odd-in",
-    type=click.Choice(ODD_IN),
-    help="With --imperfect: in which axes the pattern of the moves is odd, so which symmetries it"
-    " breaks.  [default: xy; y in a body of revolution]",
-)
+@odd_in_option("--imperfect")
 @results_option
 @threads_option
 def verify_command(
@@ -74,8 +70,8 @@ def verify_command(
     if odd_in is not None and imperfect is None:
         raise click.UsageError("--odd-in needs --imperfect: how far surfaces are moved")
     design, path = read_design(name)
-    if imperfect is not None:
-        odd_in = checked_odd_in(design.problem, odd_in)
+    if odd_in is not None:
+        checked_odd_in("odd_in", odd_in, design.problem.motion.axis)
     wanted = path_displacements(design, points)
     outcome = verify(
         design,

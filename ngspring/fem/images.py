@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +18,7 @@ import scipy.sparse as sp
 from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.constraints import displacement_extraction
 from ngspring.fem.grid import ScalarSpace
+from ngspring.problem.imperfection import Offset
 
 _AXES = {"x": 0, "y": 1}
 
@@ -39,6 +41,11 @@ class Image:
     matrix: sp.csr_matrix
     sign: float
     share: float
+
+    @cached_property
+    def transposed(self) -> sp.csr_matrix:
+        """Transpose of `matrix`."""
+        return self.matrix.T.tocsr()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +71,14 @@ class Images:
         """Dofs of the VectorH1 space of each copy from the independent displacements, u_Ty last."""
         return [np.asarray(copy.matrix @ u) for copy in self.copies]
 
+    def offsets(self, offset: Offset) -> list[Offset]:
+        """The offset of chi as each copy has it."""
+        return [offset.mirrored(copy.sign) for copy in self.copies]
+
     def reduced(self, forces: Iterable[FloatArray]) -> FloatArray:
         """Forces on the dofs of every copy as forces on the independent displacements and u_Ty."""
         each = zip(self.copies, forces, strict=True)
-        shares = [copy.share * (copy.matrix.T @ force) for copy, force in each]
+        shares = [copy.share * (copy.transposed @ force) for copy, force in each]
         return np.asarray(np.sum(shares, axis=0))
 
     def restrict(self, field: FloatArray) -> FloatArray:

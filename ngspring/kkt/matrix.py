@@ -72,8 +72,7 @@ class StoredEntries:
             places[name] = rows[found] - first[i], columns[found] - first[j]
         if not all(map(np.array_equal, places["u_u"], places["u_lam"])):
             raise AssertionError("the stored patterns of u-u and u-lam differ")
-        table = form.void.table.dofs
-        r, c = np.repeat(table, 9, axis=1).ravel(), np.tile(table, 9).ravel()
+        r, c = form.void.table.pairs
         twice, both = np.concatenate([r, r]), np.concatenate([c, c + n])
         of_u = np.concatenate([r, r + n]), both
         void = {"chi_chi": (r, c), "chi_u": (twice, both), "chi_lam": (twice, both), "u_lam": of_u}

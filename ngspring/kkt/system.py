@@ -194,9 +194,9 @@ class CoupledSystem:
 
     def _results(self, state: State, j: int) -> list[FloatArray]:
         """First derivatives of every copy of a control point, on the dofs of the compound space."""
-        offset = self.points[j].offset
-        copies = zip(self.images[j].copies, self.control_point_vectors(state, j), strict=True)
-        return [self.control_point.residual(v, offset.mirrored(copy.sign)) for copy, v in copies]
+        offsets = self.images[j].offsets(self.points[j].offset)
+        vectors = self.control_point_vectors(state, j)
+        return list(map(self.control_point.residual, vectors, offsets))
 
     @timed("terms")
     def terms(self, state: State) -> dict[str, float]:
@@ -212,8 +212,9 @@ class CoupledSystem:
         of_u: dict[str, float] = {}
         for j, point in enumerate(self.points if self.control_point.terms else ()):
             vectors = self.control_point_vectors(state, j)
-            for copy, vector in zip(self.images[j].copies, vectors, strict=True):
-                offset = point.offset.mirrored(copy.sign)
+            copies = self.images[j]
+            offsets = copies.offsets(point.offset)
+            for copy, vector, offset in zip(copies.copies, vectors, offsets, strict=True):
                 for name, value in self.control_point.values(vector, offset).items():
                     of_u[name] = of_u.get(name, 0.0) + copy.share * value
         values["C"] = float(each.sum()) + of_design + sum(of_u.values())
@@ -240,10 +241,8 @@ class CoupledSystem:
             return None
         copies, point = self.images[j], self.points[j]
         fields = copies.fields(np.append(u, point.d))
-        return copies.reduced(
-            self.control_point.adjoint_load(chi, field, point.offset.mirrored(copy.sign))
-            for copy, field in zip(copies.copies, fields, strict=True)
-        )
+        each = zip(fields, copies.offsets(point.offset), strict=True)
+        return copies.reduced(self.control_point.adjoint_load(chi, *pair) for pair in each)
 
     # -- matrix ----------------------------------------------------------------------------------
 
@@ -271,9 +270,8 @@ class CoupledSystem:
         scales = t, s, self._top_unit
         for j, point in enumerate(self.points):
             vectors = self.control_point_vectors(state, j)
-            for k, copy in enumerate(self.images[j].copies):
+            for k, offset in enumerate(self.images[j].offsets(point.offset)):
                 with self.timings.part("assembly"):
-                    offset = point.offset.mirrored(copy.sign)
                     tangent = self.control_point.tangent(vectors[k], offset)
                 with self.timings.part("reduction"):
                     chi_chi += maps.write_control_point((j, k), *tangent, point.weight, scales)

@@ -14,12 +14,12 @@ import ngsolve as ng
 
 from ngspring.physics.chi import CF
 from ngspring.physics.powers import MeanPowers
-from ngspring.problem.laws.base import Law
+from ngspring.problem.laws.base import Deformation, Law
 from ngspring.problem.material import split_bulk_modulus
 from ngspring.problem.spring import SpringProblem
 
 
-class Gradient:
+class Gradient(Deformation):
     """A deformation gradient whose third axis is out of the plane, for `Law.energy`.
 
     Parameters
@@ -53,16 +53,6 @@ class Gradient:
         det = ng.Det(self.in_plane)
         squares = ng.InnerProduct(self.in_plane, self.in_plane)
         return det * det + squares * self.F_33 * self.F_33
-
-    @cached_property
-    def isochoric_I_1(self) -> CF:
-        """``J^(-2/3) I_1``."""
-        return ng.exp(-2 / 3 * self.log_J) * self.I_1
-
-    @cached_property
-    def isochoric_I_2(self) -> CF:
-        """``J^(-4/3) I_2``."""
-        return ng.exp(-4 / 3 * self.log_J) * self.I_2
 
     def power_sum(self, alpha: float) -> CF:
         """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha.

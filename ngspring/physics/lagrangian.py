@@ -101,9 +101,7 @@ class ControlPointForm:
         self.form = ng.BilinearForm(self.space, symmetric=True)
         self.form += ng.Variation(density.Compile() * dx())
         self.void = VoidRegularisation(scalar)
-        self.pressure: PressureField | None = None
-        if PressureField.needed(problem):
-            self.pressure = PressureField(scalar, self.void.table)
+        self.pressure = PressureField.where_needed(scalar, self.void.table)
         self._state = ng.GridFunction(self.space)
         self._result = self._state.vec.CreateVector()
         fields = fields_with_displacements(chi, self._offset.value, u)

@@ -157,7 +157,6 @@ class PressureField:
     def __init__(self, scalar: ScalarSpace, table: ElementTable) -> None:
         self.problem: SpringProblem = scalar.grid.problem
         self.table = table
-        self._ndof = scalar.ndof
         self._scale = split_bulk_modulus(self.problem.K, self.problem.G)[1] * table.weights
         motion, L = self.problem.motion, self.problem.L
         #: Variation of the stretch out of the plane for u_x = 1, or None.
@@ -177,11 +176,15 @@ class PressureField:
         """Whether the solid is so nearly incompressible that there is an excess."""
         return split_bulk_modulus(problem.K, problem.G)[1] > 0.0
 
+    @classmethod
+    def where_needed(cls, scalar: ScalarSpace, table: ElementTable) -> PressureField | None:
+        """One where it is `needed`, or None."""
+        return cls(scalar, table) if cls.needed(scalar.grid.problem) else None
+
     @property
     def places(self) -> tuple[IntArray, IntArray]:
         """Rows and columns of element matrices (2, 2, elements, 81) on the VectorH1 dofs."""
-        n, dofs = self._ndof, self.table.dofs
-        rows, columns = np.repeat(dofs, 9, axis=1).ravel(), np.tile(dofs, 9).ravel()
+        n, (rows, columns) = self.table.ndof, self.table.pairs
         return (
             np.concatenate([rows, rows, rows + n, rows + n]),
             np.concatenate([columns, columns + n, columns, columns + n]),
@@ -189,7 +192,7 @@ class PressureField:
 
     def slopes(self, u: FloatArray) -> FloatArray:
         """Slopes of u at the Gauss points, (2, elements, k, 9): see `_Volume`."""
-        components = u.reshape(2, self._ndof)[:, self.table.dofs]
+        components = u.reshape(2, self.table.ndof)[:, self.table.dofs]
         return np.asarray((components @ self._of_dofs).reshape(2, -1, self._count, 9))
 
     def _volume(self, u: FloatArray) -> _Volume:
@@ -256,7 +259,7 @@ class PressureField:
             density = first * (theta * along + tau * (volume.log_J - theta))
             stress = theta[:, None] * volume.second(direction) + tau[:, None] * volume.first
             return (
-                self._scatter(density @ self.table.value),
+                self.table.scatter(density @ self.table.value),
                 self._force(weights[:, None] * stress),
                 self._force((weights * theta)[:, None] * volume.first),
             )
@@ -323,15 +326,10 @@ class PressureField:
 
     # -- sums over Gauss points and elements -------------------------------------------------------
 
-    def _scatter(self, element_vectors: FloatArray) -> FloatArray:
-        dofs = self.table.dofs.ravel()
-        summed = np.bincount(dofs, weights=element_vectors.ravel(), minlength=self._ndof)
-        return np.asarray(summed, dtype=float)
-
     def _force(self, stress: FloatArray) -> FloatArray:
         """On the dofs of the VectorH1 space, from what works on the slopes."""
         element = stress.reshape(2, -1, 9 * self._count) @ self._of_dofs.T
-        return np.concatenate([self._scatter(element[0]), self._scatter(element[1])])
+        return np.concatenate([self.table.scatter(element[0]), self.table.scatter(element[1])])
 
     def _moments(self, stress: FloatArray) -> FloatArray:
         """The same for each of the three functions of theta: (2, elements, 9, 3)."""

@@ -15,7 +15,7 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 
-from ngspring.basics.arrays import FloatArray
+from ngspring.basics.arrays import FloatArray, IntArray
 from ngspring.fem.grid import ScalarSpace
 from ngspring.physics.chi import CF, void_indicator, void_indicator_derivatives
 from ngspring.physics.elasticity import measure
@@ -92,6 +92,7 @@ class ElementTable:
 
     def __init__(self, scalar: ScalarSpace) -> None:
         grid = scalar.grid
+        self.ndof = scalar.ndof
         nx, ny = grid.cells
         hx, hy = grid.problem.h_x, grid.problem.h_y
         place = np.full((2 * nx + 1, 2 * ny + 1), -1)
@@ -128,6 +129,18 @@ class ElementTable:
         weights = np.outer(GAUSS_WEIGHTS, GAUSS_WEIGHTS).ravel() / 4 * hx * hy
         self.weights = np.broadcast_to(weights * grid.problem.measure(self.x), self.x.shape)
 
+    @property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Rows and columns of the entries of all element matrices, on the dofs."""
+        return np.repeat(self.dofs, 9, axis=1).ravel(), np.tile(self.dofs, 9).ravel()
+
+    def scatter(self, element_vectors: FloatArray) -> FloatArray:
+        """Sum of element vectors (elements, 9) on the dofs."""
+        summed = np.bincount(
+            self.dofs.ravel(), weights=element_vectors.ravel(), minlength=self.ndof
+        )
+        return np.asarray(summed, dtype=float)
+
 
 class VoidRegularisation:
     """Integrals of ``k_r K H^2 I(chi) Hu : Hv`` and their derivatives."""
@@ -140,7 +153,6 @@ class VoidRegularisation:
         self._value_hesse = np.einsum("ga,kgb->kgab", n, h).reshape(27, 81)
         self._value_value = np.einsum("ga,gb->gab", n, n).reshape(9, 81)
         self._hesse_of_dofs = h.transpose(2, 0, 1).reshape(9, 27)
-        self._ndof = scalar.ndof
 
     def chi_at_points(self, chi: FloatArray) -> FloatArray:
         """chi at the Gauss points, (elements, 9), from its H1 dofs."""
@@ -148,13 +160,8 @@ class VoidRegularisation:
 
     def hesse_at_points(self, u: FloatArray) -> FloatArray:
         """Second derivatives (xx, yy, sqrt 2 xy) of both components, (2, elements, 3, 9)."""
-        components = u.reshape(2, self._ndof)[:, self.table.dofs]
+        components = u.reshape(2, self.table.ndof)[:, self.table.dofs]
         return np.asarray((components @ self._hesse_of_dofs).reshape(2, -1, 3, 9))
-
-    def _scatter(self, element_vectors: FloatArray) -> FloatArray:
-        dofs = self.table.dofs.ravel()
-        summed = np.bincount(dofs, weights=element_vectors.ravel(), minlength=self._ndof)
-        return np.asarray(summed, dtype=float)
 
     def stiffness(self, chi_at_points: FloatArray) -> FloatArray:
         """Element matrices (elements, 81) of the second derivative with respect to u."""
@@ -164,7 +171,7 @@ class VoidRegularisation:
     def _force(self, weights: FloatArray, hesse: FloatArray) -> FloatArray:
         moment = (hesse * weights[:, None, :]).reshape(2, -1, 27)
         element = moment @ self._hesse_of_dofs.T
-        return np.concatenate([self._scatter(element[0]), self._scatter(element[1])])
+        return np.concatenate([self.table.scatter(element[0]), self.table.scatter(element[1])])
 
     def forces(self, chi_at_points: FloatArray, u: FloatArray) -> FloatArray:
         """Derivative of the energy with respect to u, on the dofs of the VectorH1 space."""
@@ -182,7 +189,7 @@ class VoidRegularisation:
         hesse_u, hesse_lam = self.hesse_at_points(u), self.hesse_at_points(lam)
         density = weights * first * (hesse_u * hesse_lam).sum(axis=(0, 2))
         return (
-            self._scatter(density @ self.table.value),
+            self.table.scatter(density @ self.table.value),
             self._force(weights * indicator, hesse_lam),
             self._force(weights * indicator, hesse_u),
         )

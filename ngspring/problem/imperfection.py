@@ -13,11 +13,31 @@ from typing import Any
 
 import numpy as np
 
+from ngspring.basics.checks import choice, refused
 from ngspring.problem.kinematics.base import Value
 
 #: In which axes a pattern may be odd: "xy" stays point-symmetric, as the buckling of most springs
 #: of the paper; "y" stays symmetric about x = L/2, "x" about y = H/2.
 ODD_IN = ("xy", "x", "y")
+
+
+def usual_odd_in(axis: bool) -> str:
+    """In which axes a pattern is odd if nothing is said: in y of a body of revolution."""
+    return "y" if axis else "xy"
+
+
+def checked_odd_in(field: str, odd_in: str, axis: bool) -> str:
+    """Return ``odd_in`` if a spring, a body of revolution or not, can have such a pattern.
+
+    Raises
+    ------
+    ProblemError
+        If it is none, or one that a body of revolution cannot have; the message names the field.
+    """
+    choice(field, odd_in, ODD_IN)
+    if axis and odd_in != "y":
+        raise refused(field, odd_in, "'y' in a body of revolution")
+    return odd_in
 
 
 def odd_pattern(x: Value, y: Value, L: float, H: float, odd_in: str, sin: Any = np.sin) -> Value:

@@ -71,6 +71,17 @@ def young_and_poisson(K: float, G: float) -> tuple[float, float]:
     return 9 * K * G / (3 * K + G), (3 * K - 2 * G) / (6 * K + 2 * G)
 
 
+def bulk_modulus(G: float, nu: float) -> float:
+    """K in MPa of a solid with this shear modulus and Poisson's ratio.
+
+    Raises
+    ------
+    ProblemError
+        If they are not valid.
+    """
+    return bulk_and_shear_modulus(2 * G * (1 + nu), nu)[0]
+
+
 def split_bulk_modulus(K: float, G: float) -> tuple[float, float]:
     """The part of K that displacements carry at every point, and the excess of a pressure field.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from ngspring.basics.checks import choice, positive_number
 from ngspring.basics.errors import ProblemError
-from ngspring.problem.imperfection import ODD_IN
+from ngspring.problem.imperfection import ODD_IN, usual_odd_in
 from ngspring.problem.point import ControlPoint
 
 #: Weight of an eroded or dilated point relative to that of its target. Small: the curve of the
@@ -99,8 +99,8 @@ def with_offsets(
         add(outermost, positive_number("gap", gap) / 2, SHARE_WALL)
     if imperfection is not None:
         size = positive_number("imperfection", imperfection)
-        kind = odd_in or ("y" if axis else "xy")
-        add(outermost[-1:], size, SHARE_IMPERFECT, choice(ODD_KEY, kind, ODD_IN))
+        kind = choice(ODD_KEY, odd_in or usual_odd_in(axis), ODD_IN)
+        add(outermost[-1:], size, SHARE_IMPERFECT, kind)
     for point in given:
         if point.place in wanted:
             raise ProblemError(

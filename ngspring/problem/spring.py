@@ -19,6 +19,7 @@ from typing import Any
 from ngspring.basics.checks import choice, finite_number, nearest, positive_number, refused
 from ngspring.basics.errors import ProblemError
 from ngspring.problem.dimension import dimensions, quantity, weights
+from ngspring.problem.imperfection import checked_odd_in
 from ngspring.problem.kinematics import KINEMATICS
 from ngspring.problem.kinematics.base import Kinematics, Value
 from ngspring.problem.laws.base import Law
@@ -209,8 +210,8 @@ class SpringProblem:
                 raise refused(field, point, "a ControlPoint(d, q)")
             if abs(point.d) >= self.H:
                 raise refused(f"{field}.d", point.d, f"smaller in size than H = {self.H}")
-            if point.eta_odd and self.motion.axis and point.odd_in != "y":
-                raise refused(f"{field}.odd_in", point.odd_in, "'y' in a body of revolution")
+            if point.eta_odd:
+                checked_odd_in(f"{field}.odd_in", point.odd_in, self.motion.axis)
             k = first_with.setdefault(point.place, i)
             if k < i:
                 where = f"control_points[{k}] and [{i}] both have {point.words}"

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 
 from ngspring.analysis.path import Jump
-from ngspring.analysis.states import force_at, index_of, path_displacements
+from ngspring.analysis.states import common_path, endings, path_displacements
 from ngspring.basics.arrays import FloatArray
-from ngspring.basics.checks import choice, positive_number, refused
+from ngspring.basics.checks import positive_number
 from ngspring.basics.files import finite_or_none
 from ngspring.basics.text import significant
 from ngspring.design.design import Design
-from ngspring.problem.imperfection import ODD_IN, odd_pattern
-from ngspring.problem.spring import SpringProblem
+from ngspring.problem.imperfection import checked_odd_in, odd_pattern, usual_odd_in
 from ngspring.solid.contact.response import (
     ContactResponse,
     ContactSettings,
@@ -63,11 +62,7 @@ class Imperfection:
     @property
     def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """d, q of the perfect and q of the imperfect solid where both were reached."""
-        d = np.array([x for x in self.perfect.d if index_of(self.imperfect, x) is not None])
-        perfect, imperfect = (
-            np.array([force_at(curve, x) for x in d]) for curve in (self.perfect, self.imperfect)
-        )
-        return d, perfect, imperfect
+        return common_path(self.perfect, self.imperfect)
 
     @property
     def deviations(self) -> FloatArray:
@@ -119,8 +114,7 @@ class Imperfection:
     @property
     def message(self) -> str:
         """Where and why a path ended, if one did."""
-        named = (("perfect", self.perfect), ("imperfect", self.imperfect))
-        return "; ".join(f"{name}: {curve.message}" for name, curve in named if curve.message)
+        return endings({"perfect": self.perfect, "imperfect": self.imperfect})
 
     @property
     def pattern(self) -> str:
@@ -227,7 +221,8 @@ def imperfection(
         If the solid cannot be meshed, or its surfaces cannot be moved so far.
     """
     size = positive_number("imperfection", size)
-    odd_in = checked_odd_in(design.problem, odd_in)
+    axis = design.problem.motion.axis
+    odd_in = usual_odd_in(axis) if odd_in is None else checked_odd_in("odd_in", odd_in, axis)
     if displacements is None:
         displacements = path_displacements(design, points)
     wanted = list(displacements)
@@ -237,22 +232,6 @@ def imperfection(
     body = imperfect_body(perfect.body, size, odd_in)
     imperfect = contact_load_displacement(body, wanted, settings=settings, threads=threads)
     return Imperfection(design, size, odd_in, perfect, imperfect)
-
-
-def checked_odd_in(problem: SpringProblem, odd_in: str | None) -> str:
-    """In which axes a spring's pattern is odd: what is asked for, or what is usual.
-
-    Raises
-    ------
-    ProblemError
-        If it is none, or one that a body of revolution cannot have.
-    """
-    if odd_in is None:
-        return "y" if problem.motion.axis else "xy"
-    odd_in = choice("odd_in", odd_in, ODD_IN)
-    if problem.motion.axis and odd_in != "y":
-        raise refused("odd_in", odd_in, "'y' in a body of revolution")
-    return odd_in
 
 
 def imperfect_body(body: Body, size: float, odd_in: str = "xy") -> Body:

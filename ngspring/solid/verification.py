@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 
 from ngspring.analysis.finished import curve_of
-from ngspring.analysis.states import States, force_at, index_of, path_displacements
+from ngspring.analysis.states import (
+    States,
+    common_path,
+    endings,
+    force_at,
+    path_displacements,
+)
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none
 from ngspring.basics.text import significant
@@ -101,10 +107,7 @@ class Verification:
     @property
     def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """d, q by the third medium and q by real contact where both were reached."""
-        d = np.array([x for x in self.third_medium.d if index_of(self.contact, x) is not None])
-        both = (self.third_medium, self.contact)
-        first, second = (np.array([force_at(curve, x) for x in d]) for curve in both)
-        return d, first, second
+        return common_path(self.third_medium, self.contact)
 
     @property
     def largest_deviation(self) -> tuple[float, float, float]:
@@ -141,8 +144,7 @@ class Verification:
     @property
     def message(self) -> str:
         """Where and why a path ended, if one did."""
-        named = (("third medium", self.third_medium), ("real contact", self.contact))
-        return "; ".join(f"{name}: {curve.message}" for name, curve in named if curve.message)
+        return endings({"third medium": self.third_medium, "real contact": self.contact})
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -9,11 +9,10 @@ import ngsolve as ng
 import numpy as np
 import pytest
 from ngsolve.meshes import MakeStructured2DMesh
-from support.coupled import Flat
+from support.coupled import Flat, orders
 
 import ngspring
 from ngspring import ControlPoint, Design, ProblemError, SpringProblem
-from ngspring.basics.arrays import FloatArray
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem
@@ -97,10 +96,6 @@ def test_the_energy_density_is_that_of_the_law() -> None:
 
 
 # -- their derivatives -----------------------------------------------------------------------------
-
-
-def orders(values: FloatArray, steps: FloatArray) -> FloatArray:
-    return np.asarray(np.diff(np.log(np.abs(values))) / np.diff(np.log(steps)))
 
 
 def test_taylor_remainders_of_the_objective_along_equilibria_are_of_second_order(

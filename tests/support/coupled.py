@@ -55,6 +55,12 @@ class Flat:
     def residual(self, x: FloatArray) -> FloatArray:
         return self.vector(self.system.residual(self.state(x), self.chi_old, self.dt))
 
+    def derivative(self, d: FloatArray, h: float = 1e-4) -> FloatArray:
+        """Of the residual in a direction, by fourth-order differences."""
+        near = self.residual(self.x + h * d) - self.residual(self.x - h * d)
+        far = self.residual(self.x + 2 * h * d) - self.residual(self.x - 2 * h * d)
+        return np.asarray((8 * near - far) / (12 * h))
+
     def as_residual(self, r: FloatArray) -> Residual:
         state = self.state(r)
         return Residual(state.chi, state.u, state.lam, {})
@@ -69,3 +75,8 @@ class Flat:
         part = self.field(field)
         d[part] = np.random.default_rng(seed).uniform(-1, 1, d[part].shape)
         return d
+
+
+def orders(values: FloatArray, steps: FloatArray) -> FloatArray:
+    """Powers of the step with which values vanish, from one step to the next."""
+    return np.asarray(np.diff(np.log(np.abs(values))) / np.diff(np.log(steps)))

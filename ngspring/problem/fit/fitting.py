@@ -19,7 +19,12 @@ from ngspring.problem.laws import NeoHooke
 from ngspring.problem.laws.base import Law
 from ngspring.problem.laws.modes import MODES
 from ngspring.problem.laws.stability import LARGEST, SMALLEST, StableRange, stable_range
-from ngspring.problem.material import FITTED_NU, bulk_and_shear_modulus, nu_advice
+from ngspring.problem.material import (
+    FITTED_NU,
+    bulk_and_shear_modulus,
+    bulk_modulus,
+    nu_advice,
+)
 
 #: Errors are relative to the stress, or to this part of the largest of the test where it is less.
 FLOOR = 0.02
@@ -200,8 +205,7 @@ def fit(
         used = tuple(test.between(low, high) for test in used)
     x = _least_squares(candidate, used)
     shape = candidate.law(x)
-    G = shape.initial_moduli[1]
-    K = 2 * G * (1 + nu) / (3 * (1 - 2 * nu))
+    K = bulk_modulus(shape.initial_moduli[1], nu)
     found = dataclasses.replace(shape, K=K)  # type: ignore[type-var]
     return Fit(law, found, nu, used, _uncertainty(candidate, x, used))
 

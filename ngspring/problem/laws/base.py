@@ -55,10 +55,12 @@ class Deformation(Protocol):
     @property
     def isochoric_I_1(self) -> Value:
         """``J^(-2/3) I_1``."""
+        return self.exp(-2 / 3 * self.log_J) * self.I_1
 
     @property
     def isochoric_I_2(self) -> Value:
         """``J^(-4/3) I_2``."""
+        return self.exp(-4 / 3 * self.log_J) * self.I_2
 
     def power_sum(self, alpha: float) -> Value:
         """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha."""
@@ -143,7 +145,7 @@ def checked_parameters(law: Law, positive: Sequence[str] = ()) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
+class Stretches(Deformation):
     """A deformation given by its principal stretches, numbers or arrays (real or complex)."""
 
     first: Any
@@ -175,16 +177,6 @@ class Stretches:
         """Second invariant of F^T F."""
         a, b, c = self.first**2, self.second**2, self.third**2
         return a * b + b * c + c * a
-
-    @property
-    def isochoric_I_1(self) -> Value:
-        """``J^(-2/3) I_1``."""
-        return self.exp(-2 / 3 * self.log_J) * self.I_1
-
-    @property
-    def isochoric_I_2(self) -> Value:
-        """``J^(-4/3) I_2``."""
-        return self.exp(-4 / 3 * self.log_J) * self.I_2
 
     def power_sum(self, alpha: float) -> Value:
         """Sum of the principal stretches of ``J^(-1/3) F``, each to the power of alpha."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from ngspring.problem.laws.ogden import Ogden
-from ngspring.problem.material import bulk_and_shear_modulus, plain_name
+from ngspring.problem.material import bulk_modulus, plain_name
 
 #: Where the stresses come from.
 SOURCE = (
@@ -47,9 +47,7 @@ class NamedLaw:
         ProblemError
             If nu is not between -1 and 0.5.
         """
-        G = self.mu1 * self.alpha1 / 2
-        E = 2 * G * (1 + nu)
-        return Ogden(bulk_and_shear_modulus(E, nu)[0], self.mu1, self.alpha1)
+        return Ogden(bulk_modulus(self.mu1 * self.alpha1 / 2, nu), self.mu1, self.alpha1)
 
     @property
     def E(self) -> float:

@@ -96,6 +96,14 @@ def _end(law: Law, mode: Mode, end: float) -> float:
     return float(np.exp(inside))
 
 
+def first_limit(law: Law, motion: Kinematics) -> tuple[float, str]:
+    """The smallest principal stretch with which stability ends, and the test in which it does.
+
+    In plane strain only the planar test counts. See `StableRange.first_limit`.
+    """
+    return stable_range(law).first_limit(MODES if motion.axis else ("planar",))
+
+
 def instability(law: Law, stretch: float, motion: Kinematics) -> str:
     """A sentence on a principal stretch with which a law is not stable any more; else empty.
 
@@ -105,9 +113,8 @@ def instability(law: Law, stretch: float, motion: Kinematics) -> str:
     stretch : float
         Largest principal stretch of a solid.
     motion : Kinematics
-        In plane strain only the planar test counts.
     """
-    limit, test = stable_range(law).first_limit(MODES if motion.axis else ("planar",))
+    limit, test = first_limit(law, motion)
     if not stretch > limit:
         return ""
     return (

@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ngspring.problem.laws.modes import MODES
-from ngspring.problem.laws.stability import stable_range
+from ngspring.problem.laws.stability import first_limit
 from ngspring.problem.material import nu_advice, young_and_poisson
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import with_similar_weights
@@ -291,9 +290,7 @@ def _stretch(problem: SpringProblem) -> Iterator[Finding]:
 def _law(problem: SpringProblem) -> Iterator[Finding]:
     stretches = [1 + point.d / problem.H for point in problem.control_points]
     largest = max(max(stretch, 1 / stretch) for stretch in stretches)
-    limit, test = stable_range(problem.law).first_limit(
-        MODES if problem.motion.axis else ("planar",)
-    )
+    limit, test = first_limit(problem.law, problem.motion)
     if largest > limit:
         yield Finding(
             "warning",
