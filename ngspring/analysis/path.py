@@ -137,9 +137,12 @@ def departure(here: Point, there: Point) -> float:
     moved = np.abs(there.u - here.u - step * (here.tangent + there.tangent) / 2).max(initial=0.0)
     of_q = abs(here.stiffness) + abs(there.stiffness)
     of_u = sum(float(np.abs(point.tangent).max(initial=0.0)) for point in (here, there))
-    # Rounding of a force that hardly changes is no departure.
-    rounding = 1e-9 * (abs(here.q) + abs(there.q))
-    return float(max(off / (abs(step) * of_q + rounding), moved / max(abs(step) * of_u, 1e-300)))
+    # Rounding is no departure: of a force that hardly changes, or of two displacements that are one.
+    rounding_q = 1e-9 * (abs(here.q) + abs(there.q))
+    rounding_u = 1e-9 * sum(float(np.abs(point.u).max(initial=0.0)) for point in (here, there))
+    by_q = off / (abs(step) * of_q + rounding_q)
+    by_u = moved / max(abs(step) * of_u + rounding_u, 1e-300)
+    return float(max(by_q, by_u))
 
 
 def extrapolated(before: Point | None, here: Point, d: float, smooth: float) -> FloatArray:

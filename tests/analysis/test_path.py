@@ -95,3 +95,11 @@ def test_a_kink_is_no_jump_and_a_jump_is_one_however_small_the_step() -> None:
             kink = at(step, step * (part + 10 * (1 - part)), 10.0)
             assert departure(at(0.0, 0.0, 1.0), kink) < 0.5
         assert departure(at(0.0, 0.0, 1.0), at(step, step + 5.0, 1.0)) > 1.0
+
+
+def test_two_displacements_that_differ_by_rounding_are_one_place() -> None:
+    def at(d: float, error: float) -> State:
+        return State(d, d, np.array([d + error]), np.ones(1), 1.0, 3)
+
+    assert departure(at(-3.9, 0.0), at(-3.9000000000000004, 1e-13)) < Snapping.steps.smooth
+    assert departure(at(-3.9, 0.0), at(-3.9000000000000004, 1e-3)) > 1.0
