@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ngspring import NO_LADDER, Design, SpringProblem, TargetCurve, optimize, read_curve, verify
-from ngspring.analysis.states import force_at
+from ngspring.analysis.states import force_at, index_of
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.files import finite_or_none, write_text
 from ngspring.solid.verification import Verification
@@ -109,7 +109,8 @@ def numbers(design: Design, found: Verification, curve: TargetCurve) -> dict[str
 def draw(design: Design, found: Verification, curve: TargetCurve, path: Path) -> None:
     """The design, its solid at rest and compressed, and the three curves."""
     problem = design.problem
-    states = [k for k, d in enumerate(found.contact.d) if d in (-1.0, -3.0, -4.1)]
+    places = [index_of(found.contact, d) for d in (-1.0, -3.0, -4.1)]
+    states = [k for k in places if k is not None]
     figure = new_figure(2.1 * (1 + len(states)), 6.4)
     above, below = figure.subfigures(2, 1, height_ratios=(1, 1.25))
     panels = above.subplots(1, 1 + len(states), sharey=True)
@@ -128,7 +129,7 @@ def draw(design: Design, found: Verification, curve: TargetCurve, path: Path) ->
     axes = below.subplots()
     draw_frame(axes)
     draw_line(axes, found.third_medium, color="black", linewidth=1.3, label="third medium")
-    draw_line(axes, found.contact, color="0.45", linestyle="--", label="solid, real contact")
+    draw_line(axes, found.contact, color="0.4", linestyle="--", label="solid, real contact")
     axes.plot(curve.d, curve.q, "ko", markerfacecolor="none", label="measured")
     points = problem.control_points
     axes.plot([p.d for p in points], [p.q for p in points], "k.", label="control points")
@@ -154,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         design = Design.load(STORED)
     curve = measured(design.problem)
     # The measured displacements, and between them enough for a smooth line.
-    wanted = np.union1d(curve.d, np.linspace(curve.d[0], 0.0, 42))
+    wanted = np.union1d(curve.d, np.round(np.linspace(curve.d[0], 0.0, 42), 6))
     found = verify(design, wanted, threads=given.threads)
     known = numbers(design, found, curve)
     write_text(given.out / "results" / "dome.json", json.dumps(known, indent=1) + "\n")

@@ -137,7 +137,7 @@ def departure(here: Point, there: Point) -> float:
     moved = np.abs(there.u - here.u - step * (here.tangent + there.tangent) / 2).max(initial=0.0)
     of_q = abs(here.stiffness) + abs(there.stiffness)
     of_u = sum(float(np.abs(point.tangent).max(initial=0.0)) for point in (here, there))
-    # Rounding is no departure: of a force that hardly changes, or of two displacements that are one.
+    # Rounding is no departure: of a force that hardly changes, or of one displacement told twice.
     rounding_q = 1e-9 * (abs(here.q) + abs(there.q))
     rounding_u = 1e-9 * sum(float(np.abs(point.u).max(initial=0.0)) for point in (here, there))
     by_q = off / (abs(step) * of_q + rounding_q)
