@@ -34,8 +34,8 @@ LONGEST_NAME = 200
 MOST_ELEMENTS, MOST_POINTS, LARGEST_N = 2000, 1000, 20.0
 LARGEST_STRETCH = 100.0
 #: k_s over k_rho, unless it is given. With n = 6 a strain whose relief is worth its own material is
-#: (k_rho / k_s)^(1/5), 1.6 %, beyond the limit.
-STRAINS = 1e9
+#: (k_rho / (k_s rho^6))^(1/5) beyond the limit: 1.5 % at the solid's surface, where rho is 1/2.
+STRAINS = 1e11
 #: How far a number, and a weight of the objective, may be from what fits the spring's size.
 FARTHEST, HEAVIEST = 1e12, 1e60
 

@@ -16,6 +16,7 @@ from ngspring import ControlPoint, Design, ProblemError, SpringProblem
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.state import State
 from ngspring.kkt.system import CoupledSystem
+from ngspring.physics.chi import rho
 from ngspring.physics.elasticity import strain_energy
 from ngspring.physics.terms.base import Fields
 from ngspring.physics.terms.energy_limit import EnergyLimit
@@ -40,16 +41,19 @@ def spring(kinematics: str, request: pytest.FixtureRequest) -> SpringProblem:
 
 
 def density_of(
-    term: StretchLimit | EnergyLimit, problem: SpringProblem, F: list[list[float]]
+    term: StretchLimit | EnergyLimit,
+    problem: SpringProblem,
+    F: list[list[float]],
+    chi: float = 40.0,
 ) -> float:
-    """The term's density in the solid where u is linear, at the middle of the left half."""
+    """The term's density where u is linear, at the middle of the left half; in the solid."""
     x, y = problem.L / 4, problem.H / 2
     a = np.array(F) - np.eye(2)
     # On the axis nothing moves across it.
     x0 = problem.L / 2
     u = ng.CF((a[0, 0] * (ng.x - x0) + a[0, 1] * ng.y, a[1, 0] * ng.x + a[1, 1] * ng.y))
     grad = ng.CF(tuple(a.ravel()), dims=(2, 2))
-    fields = Fields(ng.CF(40.0), ng.CF((0, 0)), ng.CF((0, 0, 0, 0), dims=(2, 2)), u, grad)
+    fields = Fields(ng.CF(chi), ng.CF((0, 0)), ng.CF((0, 0, 0, 0), dims=(2, 2)), u, grad)
     density = term.density(fields, problem)
     mesh = rectangle(problem)
     return float(density(mesh(x, y)))
@@ -93,6 +97,15 @@ def test_the_energy_density_is_that_of_the_law() -> None:
     energy = float(density(mesh(10.0, 10.0)))
     found = density_of(EnergyLimit(), problem, F)
     assert found == pytest.approx((energy / 0.01 - 1) ** 6 / 6, rel=1e-9)
+
+
+def test_grey_may_stretch_the_more_the_thinner_it_is() -> None:
+    problem = problem_with("plane strain", stretch_limit=1.5, k_s=1.0)
+    solid = density_of(StretchLimit(), problem, [[1.0, 0.0], [0.0, 1.6]])
+    for chi in (0.0, -4.0):
+        stretch = 1.5 + 0.1 / rho(chi)
+        grey = density_of(StretchLimit(), problem, [[1.0, 0.0], [0.0, stretch]], chi)
+        assert grey == pytest.approx(solid, rel=1e-9)
 
 
 # -- their derivatives -----------------------------------------------------------------------------
@@ -192,7 +205,7 @@ def test_with_a_limit_the_solid_stretches_less_at_the_same_targets() -> None:
 
 def test_one_line_switches_it_on() -> None:
     problem = ngspring.cases["C4"].replace(stretch_limit=1.5)
-    assert problem.k_s == pytest.approx(1e9 * problem.k_rho)
+    assert problem.k_s == pytest.approx(1e11 * problem.k_rho)
     assert SpringProblem.from_toml(problem.to_toml()) == problem
     assert not StretchLimit().active(ngspring.cases["C4"])
     assert ngspring.cases["C4"].k_s == 0.0

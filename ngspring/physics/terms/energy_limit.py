@@ -7,14 +7,17 @@ from typing import ClassVar
 import ngsolve as ng
 
 from ngspring.physics.brackets import power
-from ngspring.physics.chi import CF, stiffness
+from ngspring.physics.chi import CF, rho
 from ngspring.physics.elasticity import strain_energy
 from ngspring.physics.terms.base import Fields, Term
 from ngspring.problem.spring import SpringProblem
 
 
 class EnergyLimit(Term):
-    """E(chi) k_s/n <(W - limit)/limit>^n with the strain energy density W of the solid (Eq. 14)."""
+    """k_s/n <rho(chi) (W - limit)/limit>^n with the strain energy density W of the solid (Eq. 14).
+
+    rho(chi) is inside of the power as in `ngspring.physics.terms.stretch_limit`.
+    """
 
     name: ClassVar[str] = "energy"
     weight: ClassVar[str] = "k_s"
@@ -24,8 +27,8 @@ class EnergyLimit(Term):
         """Integrand at one control point."""
         n, limit = problem.n, problem.energy_limit
         excess = strain_energy(fields.u, fields.grad_u, problem) / limit - 1
-        bracket = power(ng.IfPos(excess, excess, 0), n)
-        return problem.k_s / n * stiffness(fields.chi, problem) * bracket
+        bracket = ng.IfPos(excess, excess, 0)
+        return problem.k_s / n * power(rho(fields.chi) * bracket, n)
 
     def active(self, problem: SpringProblem) -> bool:
         """Whether there is a limit."""

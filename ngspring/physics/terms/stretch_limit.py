@@ -7,7 +7,7 @@ from typing import ClassVar
 import ngsolve as ng
 
 from ngspring.physics.brackets import beyond, power
-from ngspring.physics.chi import CF, stiffness
+from ngspring.physics.chi import CF, rho
 from ngspring.physics.elasticity import gradient
 from ngspring.physics.terms.base import Fields, Term
 from ngspring.problem.spring import SpringProblem
@@ -17,9 +17,11 @@ _SMOOTH = 1e-12
 
 
 class StretchLimit(Term):
-    """E(chi) k_s/n <(lambda - limit)/limit>^n of the stretches in the plane and out of it.
+    """k_s/n <rho(chi) (lambda - limit)/limit>^n of the stretches in the plane and out of it.
 
-    With E(chi) it is the solid's stretch that counts: the void stretches as it likes.
+    It is the solid's stretch that counts. Grey material between two surfaces that part stretches
+    by hundreds of percent, which outside of the power not even E(chi) outweighs: with rho(chi)
+    inside of it the solid decides.
     """
 
     name: ClassVar[str] = "stretch"
@@ -33,9 +35,10 @@ class StretchLimit(Term):
         half, det = ng.InnerProduct(F.in_plane, F.in_plane) / 2, ng.Det(F.in_plane)
         spread = half * half - det * det
         squared = half + ng.sqrt(ng.IfPos(spread, spread, 0) + _SMOOTH)
-        excess = power(beyond(squared, limit) / limit, n)
-        excess = excess + power(beyond(F.F_33 * F.F_33, limit) / limit, n)
-        return problem.k_s / n * stiffness(fields.chi, problem) * excess
+        share = rho(fields.chi) / limit
+        excess = power(share * beyond(squared, limit), n)
+        excess = excess + power(share * beyond(F.F_33 * F.F_33, limit), n)
+        return problem.k_s / n * excess
 
     def active(self, problem: SpringProblem) -> bool:
         """Whether there is a limit."""
