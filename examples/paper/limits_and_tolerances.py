@@ -1,10 +1,12 @@
-"""What a limit of strains costs, and what robust = 0.2 changes: from the campaign limits.toml.
+"""What stretch_limit, robust, wall and gap change: from the campaign limits.toml.
 
-For every run with a `stretch_limit` the solid's own measure (the stretch that a thousandth of its
-volume exceeds, by real contact at the control points) stands beside the limit, and W/H over the
-limit is drawn in figures/limits.png. For C4, C7, T3 and A3 the largest change of force per mm of
-offset at a control point, with and without `robust`. Both go to results/limits.json.
-Runs that have not changed are skipped; a minute for each on one core.
+Of every run's solid, computed with real contact: the stretch that a thousandth of its volume
+exceeds at the control points, its smallest wall and gap at rest. Of the runs with `robust`, and of
+the plain ones beside them, also how far the force at each control point moves when all surfaces lie
+0.2 mm further in or out. Numbers go to results/limits.json, which the results page shows as tables,
+and W/H over the limit is drawn in figures/limits.png.
+
+Runs that have not changed are skipped; a minute or two for each on one core.
 
     ngspring campaign examples/paper/limits.toml --out limits
     python examples/paper/limits_and_tolerances.py limits [--threads N]
@@ -21,57 +23,110 @@ from typing import Any
 from gallery_results import HERE, PICTURES, fingerprint, read
 
 from ngspring import Design
-from ngspring.basics.errors import DesignFileError
-from ngspring.basics.files import write_text
+from ngspring.basics.errors import NgspringError
+from ngspring.basics.files import finite_or_none, write_text
 from ngspring.evolution.folder import DESIGN
-from ngspring.solid.contact.response import contact_load_displacement
+from ngspring.problem.point import worst_deviation
+from ngspring.solid.contact.response import ContactResponse, contact_load_displacement
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.solid.tolerance import tolerance
 from ngspring.view.figure import save_figure
-from ngspring.view.limits import limits_figure
+from ngspring.view.limits import LimitedDesign, limits_figure
 
 #: Surfaces are moved by this many mm in and out.
 OFFSET = 0.2
+#: A design whose forces are further from its targets, as a share, is another spring.
+MET = 1e-3
+#: The cases with a run with `robust`; a design without a limit is the plain one beside it.
+ROBUST = ("C4", "C7", "T3", "A3")
 
 
-def strains(design: Design, threads: int | None) -> dict[str, Any]:
-    """The limit of a design, and what its solid has."""
-    controls = [point.d for point in design.problem.control_points if point.own]
-    curve = contact_load_displacement(mesh_body(design), controls, threads=threads)
+def outcome(design: Design) -> dict[str, Any]:
+    """What is known of a run without computing anything."""
+    problem, history = design.problem, design.history
+    offsets = {round(p.eta * problem.l_i / 8, 6) for p in problem.control_points if not p.own}
     return {
-        "limit": design.problem.stretch_limit or None,
-        "stretch_measure": float(curve.stretch_measure.max()) if curve.complete else None,
-        "largest_stretch": float(curve.largest_stretch.max()) if curve.complete else None,
+        "case": problem.name,
+        "limit": problem.stretch_limit or None,
+        "offsets": sorted(offsets),
+        "converged": bool(design.info.get("converged", False)),
+        "updates": 0 if history is None else len(history) - 1,
+        "deviation": worst_deviation(problem.control_points, design.info["q"]),
+        "width": round(design.relative_width, 6),
     }
 
 
-def bands(design: Design, threads: int | None) -> dict[str, Any]:
-    """How much the force at each control point changes with an offset, in N."""
+def strains(curve: ContactResponse | None) -> dict[str, Any]:
+    """Stretches of a solid over its control points; nothing if it did not reach them."""
+    if curve is None or not curve.complete:
+        return {"stretch_measure": None, "largest_stretch": None}
+    return {
+        "stretch_measure": float(curve.stretch_measure.max()),
+        "largest_stretch": float(curve.largest_stretch.max()),
+    }
+
+
+def walls(design: Design) -> dict[str, Any]:
+    """Smallest wall and gap of the undeformed solid in mm, as `ngspring verify` tells them."""
+    quality = mesh_body(design).quality
+    assert quality is not None  # the mesh was made here
+    return {
+        "smallest_wall": finite_or_none(quality.thinnest_wall),
+        "smallest_gap_at_rest": finite_or_none(quality.narrowest_gap),
+    }
+
+
+def with_bands(design: Design, threads: int | None) -> dict[str, Any]:
+    """Stretches, and the force at each control point with surfaces further in, as is and out."""
     found = tolerance(design, (OFFSET,), points=2, threads=threads)
-    widths = [high - low for low, high in zip(*found.band(OFFSET), strict=True)]
-    by_place = dict(zip(map(float, found.displacements), widths, strict=True))
-    return {"bands": [[point.d, float(by_place[point.d])] for point in found.points]}
+    forces = [
+        [point.d, *(finite_or_none(curve.q(point.d)) for curve in found.curves)]
+        for point in found.points
+    ]
+    return {**strains(found.nominal.contact), "forces": forces}
+
+
+def computed(design: Design, threads: int | None) -> dict[str, Any]:
+    """What takes the solid of a run."""
+    known = outcome(design)
+    if (
+        known["case"] in ROBUST
+        and not known["limit"]
+        and set(known["offsets"]) <= {-OFFSET, OFFSET}
+    ):
+        return {**walls(design), **with_bands(design, threads)}
+    controls = [point.d for point in design.problem.control_points if point.own]
+    curve = contact_load_displacement(mesh_body(design), controls, threads=threads)
+    return {**walls(design), **strains(curve)}
 
 
 def evaluated(folder: Path, threads: int | None) -> dict[str, Any] | None:
-    """What is known of a run, None if it is not finished."""
+    """What is known of a run, None if it has no design or its design is no solid."""
     try:
         design = Design.load(folder / DESIGN)
-    except DesignFileError as error:
+        mark = {"design": fingerprint(design), **outcome(design)}
+        known: dict[str, Any] = read("limits").get(folder.name, {})
+        if known.get("design") == mark["design"]:
+            return known | mark
+        print(f"{folder.name}:", flush=True)
+        return mark | computed(design, threads)
+    except NgspringError as error:
         print(f"{folder.name}: {error}")
         return None
-    if not design.info.get("converged", False):
-        print(f"{folder.name}: not converged")
-        return None
-    mark = {"design": fingerprint(design), "width": round(design.relative_width, 6)}
-    known: dict[str, Any] = read("limits").get(folder.name, {})
-    if known.get("design") == mark["design"]:
-        return known
-    found = {} if "-robust" in folder.name else strains(design, threads)
-    plain = "robust" in folder.name or "plain" in folder.name or folder.name.endswith("=0.0")
-    if plain and not folder.name.startswith(("T6", "CT5")):
-        found |= bands(design, threads)
-    return mark | found
+
+
+def by_case(known: dict[str, Any]) -> dict[str, list[LimitedDesign]]:
+    """The designs of every case that has one with a limit, of those that can be compared.
+
+    That is: which converged, and meet their targets.
+    """
+    cases: dict[str, list[LimitedDesign]] = {}
+    for found in known.values():
+        met = found["converged"] and abs(found["deviation"]) < MET
+        if met and found["stretch_measure"] and not found["offsets"]:
+            design = LimitedDesign(found["limit"], found["stretch_measure"], found["width"])
+            cases.setdefault(found["case"], []).append(design)
+    return {case: designs for case, designs in cases.items() if any(d.limit for d in designs)}
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -81,8 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("folder", type=Path, help="of the campaign")
     parser.add_argument("--threads", type=int, default=1, help="threads to use (default: 1)")
     given = parser.parse_args(arguments)
-    for folder in sorted(path for path in given.folder.iterdir() if path.is_dir()):
-        print(f"{folder.name}:", flush=True)
+    for folder in sorted(path for path in given.folder.iterdir() if (path / DESIGN).is_file()):
         found = evaluated(folder, given.threads)
         if found is not None:
             known = read("limits") | {folder.name: found}
@@ -90,16 +144,6 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
             write_text(HERE / "results" / "limits.json", text)
     save_figure(limits_figure(by_case(read("limits"))), PICTURES / "limits.png")
     return read("limits")
-
-
-def by_case(known: dict[str, Any]) -> dict[str, list[tuple[float | None, float, float]]]:
-    """Limit (None for none), W/H and the solid's measure by case, from the loosest limit on."""
-    cases: dict[str, list[tuple[float | None, float, float]]] = {}
-    for name, found in known.items():
-        if found.get("stretch_measure") and "-limit" in name:
-            point = (found["limit"], found["width"], found["stretch_measure"])
-            cases.setdefault(name.split("-")[0], []).append(point)
-    return {name: sorted(points, key=lambda p: -(p[0] or 1e9)) for name, points in cases.items()}
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
   stability_of_gallery.py);
 - ``parts``: every stored part beside the design it was made from (results/parts.json, written by
   evaluation_of_parts.py);
+- ``limits``, ``bands`` and ``walls``: what a limit of the stretch costs, and what robust, wall and
+  gap change (results/limits.json, written by limits_and_tolerances.py);
 - ``verification``: how far the remodelled solid with real contact is from the third medium
   (results/verification.json, written by verification_of_gallery.py).
 
@@ -19,6 +21,7 @@ What stands between ``<!-- NAME -->`` and ``<!-- end NAME -->`` is replaced:
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -241,6 +244,104 @@ def parts_table() -> str:
     return table(header, rows)
 
 
+def unfinished(found: dict[str, Any]) -> str:
+    return "" if found["converged"] else f"stopped after {found['updates']} updates"
+
+
+def strain_row(found: dict[str, Any]) -> Row:
+    limit, measure, largest = found["limit"], found["stretch_measure"], found["largest_stretch"]
+    return (
+        found["case"],
+        f"{limit:g}" if limit else "none",
+        "-" if measure is None else f"{measure:.3f}",
+        percent(measure / limit - 1) if limit and measure else "",
+        "-" if largest is None else f"{largest:.2f}",
+        f"{found['width']:.4f}",
+        f"{100 * abs(found['deviation']):.3f} %",
+        unfinished(found),
+    )
+
+
+def limits_table() -> str:
+    """Every design with a limit, below the one of its case without."""
+    stored = [found for found in read("limits").values() if not found["offsets"]]
+    limited = [name for name in names() if any(f["case"] == name and f["limit"] for f in stored)]
+    chosen = [found for found in stored if found["case"] in limited]
+    chosen.sort(key=lambda f: (limited.index(f["case"]), -(f["limit"] or math.inf)))
+    header = (
+        "design", "stretch_limit", "stretch of a thousandth", "from the limit", "largest stretch",
+        "W/H", "third medium from its targets", "",
+    )  # fmt: skip
+    return table(header, map(strain_row, chosen))
+
+
+def band(forces: Sequence[float | None]) -> float | None:
+    """Width in N of the band of a curve at a place; None if a curve does not reach it."""
+    known = [q for q in forces if q is not None]
+    return max(known) - min(known) if len(known) == len(forces) else None
+
+
+def narrower(before: float | None, after: float | None) -> float | None:
+    return after / before - 1 if before and after is not None else None
+
+
+def band_row(plain: dict[str, Any], robust: dict[str, Any]) -> Row:
+    places = [d for d, *_ in plain["forces"]]
+    before, after = ([band(q) for _, *q in one["forces"]] for one in (plain, robust))
+    return (
+        plain["case"],
+        ", ".join(f"{d:g}" for d in places),
+        *(", ".join("-" if w is None else f"{w:.3g}" for w in one) for one in (before, after)),
+        ", ".join(percent(narrower(*pair)) for pair in zip(before, after, strict=True)),
+        *(f"{one['width']:.4f}" for one in (plain, robust)),
+        unfinished(robust),
+    )
+
+
+def bands_table() -> str:
+    """Every robust design beside the plain one of its case."""
+    with_forces = [found for found in read("limits").values() if "forces" in found]
+    rows = [
+        band_row(plain, robust)
+        for plain in with_forces
+        for robust in with_forces
+        if plain["case"] == robust["case"] and robust["offsets"] and not plain["offsets"]
+    ]
+    header = (
+        "design", "d [mm]", "band of q [N]", "with robust", "change", "W/H or D/H", "with robust",
+        "",
+    )  # fmt: skip
+    return table(header, rows)
+
+
+def asked(found: dict[str, Any]) -> str:
+    """The wall and the gap that a design was asked for, in the words of a problem's file."""
+    kinds = (("wall" if offset < 0 else "gap", 2 * abs(offset)) for offset in found["offsets"])
+    return ", ".join(f"{kind} = {size:g}" for kind, size in kinds) or "nothing"
+
+
+def walls_table() -> str:
+    """Every design with a wall or a gap, below the one of its case without."""
+    stored = read("limits")
+    asking = {name: f for name, f in stored.items() if name.split("-")[1] in ("wall", "gap")}
+    cases = {found["case"] for found in asking.values()}
+    plain = [f for f in stored.values() if f["case"] in cases and not (f["limit"] or f["offsets"])]
+    chosen = sorted([*plain, *asking.values()], key=lambda f: (f["case"], f["offsets"]))
+    rows = [
+        (
+            found["case"],
+            asked(found),
+            length(found["smallest_wall"]),
+            length(found["smallest_gap_at_rest"]),
+            f"{found['width']:.4f}",
+            unfinished(found),
+        )
+        for found in chosen
+    ]
+    header = ("design", "asked for [mm]", "smallest wall [mm]", "smallest gap [mm]", "W/H", "")
+    return table(header, rows)
+
+
 def replaced(text: str, name: str, content: str) -> str:
     pattern = rf"(<!-- {name} -->\n).*?(<!-- end {name} -->)"
     new, count = re.subn(pattern, lambda m: f"{m[1]}{content}\n{m[2]}", text, flags=re.DOTALL)
@@ -258,6 +359,9 @@ def page() -> str:
     text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
     text = replaced(text, "parts", parts_table())
+    text = replaced(text, "limits", limits_table())
+    text = replaced(text, "bands", bands_table())
+    text = replaced(text, "walls", walls_table())
     return replaced(text, "verification", verification_table())
 
 

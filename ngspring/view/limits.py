@@ -3,46 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ngspring.view.figure import SMALL, new_figure
+from ngspring.view.figure import LINES, SMALL, new_figure
 from ngspring.view.text import picture_text
 
-_MARKS = "osD^vPX*"
+_MARKS = "osD^v"
 
 
-def limits_figure(cases: Mapping[str, Sequence[tuple[float | None, float, float]]]) -> Figure:
-    """W/H over the limit, and over what the solid has.
+@dataclass(frozen=True)
+class LimitedDesign:
+    """A design with or without a limit of its stretch.
+
+    Attributes
+    ----------
+    limit : float or None
+        Largest principal stretch that was asked for; None without a limit.
+    measure : float
+        The principal stretch that a thousandth of the solid's volume exceeds.
+    width : float
+        W/H or D/H.
+    """
+
+    limit: float | None
+    measure: float
+    width: float
+
+
+def limits_figure(cases: Mapping[str, Sequence[LimitedDesign]]) -> Figure:
+    """W/H over the limit, relative to W/H without: a line for each case, which ends at none.
 
     Parameters
     ----------
     cases : mapping
-        By name: limit (None without one), W/H, and the solid's own measure. A design without a
-        limit stands at its measure, and is drawn hollow.
+        Designs by the name of their case, one of them without a limit. Filled marks stand at the
+        limit, hollow ones at the solid's own stretch. The design without a limit has a hollow mark
+        only, where the line ends.
     """
-    figure = new_figure(5.6, 4.2)
+    figure = new_figure(5.8, 4.4)
     axes = figure.subplots()
-    for k, (name, points) in enumerate(cases.items()):
-        mark = _MARKS[k % len(_MARKS)]
-        measures, widths = [p[2] for p in points], [p[1] for p in points]
-        shade = str(0.15 + 0.5 * k / max(1, len(cases)))
-        axes.plot(measures, widths, color=shade, linewidth=1.1, zorder=1)
-        for limit, width, measure in points:
-            axes.plot(
-                measure,
-                width,
-                mark,
-                color=shade,
-                mfc="white" if limit is None else shade,
-                label=picture_text(name) if limit == points[-1][0] else None,
-            )
-            if limit is not None:
-                axes.plot([limit, measure], [width, width], ":", color=shade, linewidth=1)
-                axes.plot(limit, width, "|", color=shade, markersize=9)
-    axes.set_xlabel("stretch that a thousandth of the solid exceeds (bars: limit)", fontsize=9)
-    axes.set_ylabel("W/H", fontsize=9)
+    for k, (name, designs) in enumerate(cases.items()):
+        shade = str(0.55 * k / max(1, len(cases) - 1))
+        _draw_case(axes, name, designs, shade, _MARKS[k % len(_MARKS)], LINES[k % len(LINES)])
+    axes.set_xlabel(
+        "principal stretch [-]\nfilled: limit, hollow: exceeded by a thousandth of the solid"
+    )
+    axes.set_ylabel("W/H relative to that without a limit [-]")
     axes.tick_params(labelsize=SMALL)
     axes.grid(color="0.92")
-    axes.legend(fontsize=SMALL, title="filled: with a limit", title_fontsize=SMALL)
+    if cases:
+        axes.legend(fontsize=SMALL, title="W/H", title_fontsize=SMALL)
     return figure
+
+
+def _draw_case(
+    axes: Axes, name: str, designs: Sequence[LimitedDesign], shade: str, mark: str, line: str
+) -> None:
+    plain = next(d.width for d in designs if d.limit is None)
+    placed = sorted((d.limit or d.measure, d.width / plain, d.limit is not None) for d in designs)
+    places = [place[:2] for place in placed]
+    filled = [k for k, (*_, limited) in enumerate(placed) if limited]
+    label = f"{picture_text(name)}, {plain:.4f} without"
+    axes.plot(*zip(*places, strict=True), line + mark, color=shade, markevery=filled, label=label)
+    own = [(d.measure, d.width / plain) for d in designs]
+    axes.plot(*zip(*own, strict=True), mark, linestyle="none", color=shade, mfc="white")
+    for design in designs:
+        if design.limit is not None:
+            ends, height = [design.limit, design.measure], design.width / plain
+            axes.plot(ends, [height, height], color=shade, linewidth=0.6, zorder=1)
