@@ -1,5 +1,7 @@
 from .analysis.forward import load_displacement as load_displacement
 from .analysis.response import Response as Response
+from .analysis.stability import Stability as Stability
+from .analysis.stability import stability as stability
 from .basics.errors import ConvergenceError as ConvergenceError
 from .basics.errors import DesignFileError as DesignFileError
 from .basics.errors import ExportError as ExportError
@@ -102,6 +104,7 @@ __all__ = [
     "RunState",
     "Snapshots",
     "SpringProblem",
+    "Stability",
     "StepRule",
     "TargetCurve",
     "Tolerance",
@@ -134,6 +137,7 @@ __all__ = [
     "read_run",
     "realise",
     "scaled",
+    "stability",
     "taylor_test",
     "tolerance",
     "verify",
