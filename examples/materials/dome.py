@@ -111,8 +111,8 @@ def draw(design: Design, found: Verification, curve: TargetCurve, path: Path) ->
     problem = design.problem
     places = [index_of(found.contact, d) for d in (-1.0, -3.0, -4.1)]
     states = [k for k in places if k is not None]
-    figure = new_figure(2.1 * (1 + len(states)), 6.4)
-    above, below = figure.subfigures(2, 1, height_ratios=(1, 1.25))
+    figure = new_figure(2.1 * (1 + len(states)), 7.0)
+    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.25))
     panels = above.subplots(1, 1 + len(states), sharey=True)
     draw_design(panels[0], design)
     panels[0].set_title("design", fontsize=SMALL + 1)
