@@ -20,6 +20,7 @@ from ngspring.design.design import Design
 from ngspring.problem.imperfection import odd_pattern
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.spring import SpringProblem
+from ngspring.solid.contact.mechanics import ContactPoint
 from ngspring.solid.contact.response import (
     ContactResponse,
     ContactSettings,
@@ -270,3 +271,25 @@ def test_options_that_make_no_imperfection_are_refused(
     column.save(tmp_path / "column.npz")
     result = CliRunner().invoke(cli, ["verify", str(tmp_path / "column.npz"), *options])
     assert result.exit_code == 2
+
+
+def test_a_prediction_far_beyond_the_body_is_shortened_before_walls_are_looked_for(
+    slender: Body, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mechanics, _ = contact_mechanics(whole_body(slender), ContactSettings())
+    rest = mechanics.at_rest()
+    predicted, largest_step = mechanics.predicted, mechanics.skeleton.largest_step
+    ways = []
+
+    def wild(here: ContactPoint, d: float) -> FloatArray:
+        return predicted(here, d) + (0.0 if abs(d) < 0.1 else 1e6 * HEIGHT)
+
+    def watched(begin: FloatArray, end: FloatArray) -> float:
+        ways.append(float(np.abs(end - begin).max()))
+        return largest_step(begin, end)
+
+    monkeypatch.setattr(mechanics, "predicted", wild)
+    monkeypatch.setattr(mechanics.skeleton, "largest_step", watched)
+    point, _ = mechanics.advanced(rest, -1.0, 1.0)
+    assert -0.1 < point.d < 0.0
+    assert 0.99 * mechanics.size < max(ways) < 1.01 * mechanics.size

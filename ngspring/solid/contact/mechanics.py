@@ -307,11 +307,8 @@ class ContactMechanics:
             return update
 
         def longest(u: FloatArray, update: FloatArray) -> float:
-            # Collisions on a way far beyond the body would be all that there are.
-            part = min(1.0, self.size / max(float(np.abs(update).max(initial=0.0)), 1e-300))
-            begin, end = self.full_field(d, u), self.full_field(d, u + part * update)
-            free_way = self.skeleton.largest_step(begin, end)
-            return part if free_way == 1.0 else 0.9 * free_way * part
+            way, blocked = self._free_way(self.full_field(d, u), self.full_field(d, u + update))
+            return 0.9 * way if blocked else way
 
         def acceptable(step: Step[_State]) -> bool:
             before, after = step.before, step.after
@@ -430,6 +427,16 @@ class ContactMechanics:
             return False
         return departure(here.before, here) <= _STRAIGHT
 
+    def _free_way(self, begin: FloatArray, end: FloatArray) -> tuple[float, bool]:
+        """Which part of the way between two fields can be gone, and whether a wall is in it.
+
+        Not further than the body's size: beyond it collisions are all that there is, more than fit
+        into memory. Newton's updates and predictions go there where a tangent is nearly singular.
+        """
+        part = min(1.0, self.size / max(float(np.abs(end - begin).max(initial=0.0)), 1e-300))
+        free = self.skeleton.largest_step(begin, begin + part * (end - begin))
+        return part * free, free < 1.0
+
     def advanced(
         self, here: ContactPoint, target: float, tried: float
     ) -> tuple[ContactPoint, float]:
@@ -442,7 +449,7 @@ class ContactMechanics:
             d = stepped(here.d, target, tried)
             guess = self.predicted(here, d)
             end = self.full_field(d, guess)
-            free_way = self.skeleton.largest_step(begin, end)
+            free_way, _ = self._free_way(begin, end)
             if free_way == 1.0 and not self.solid.inverted(end):
                 resolved = tried <= self.steps.resolved * self.size
                 most = self.PATIENCE if resolved else self.MAX_ITERATIONS
