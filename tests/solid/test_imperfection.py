@@ -273,16 +273,16 @@ def test_options_that_make_no_imperfection_are_refused(
     assert result.exit_code == 2
 
 
-def test_a_prediction_far_beyond_the_body_is_shortened_before_walls_are_looked_for(
-    slender: Body, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wild_prediction_is_not_followed(slender: Body, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor are walls looked for further away than the body is large."""
     mechanics, _ = contact_mechanics(whole_body(slender), ContactSettings())
     rest = mechanics.at_rest()
+    plain, _ = mechanics.advanced(rest, -0.1, 0.1)
     predicted, largest_step = mechanics.predicted, mechanics.skeleton.largest_step
     ways = []
 
     def wild(here: ContactPoint, d: float) -> FloatArray:
-        return predicted(here, d) + (0.0 if abs(d) < 0.1 else 1e6 * HEIGHT)
+        return predicted(here, d) + 1e6 * HEIGHT
 
     def watched(begin: FloatArray, end: FloatArray) -> float:
         ways.append(float(np.abs(end - begin).max()))
@@ -290,6 +290,7 @@ def test_a_prediction_far_beyond_the_body_is_shortened_before_walls_are_looked_f
 
     monkeypatch.setattr(mechanics, "predicted", wild)
     monkeypatch.setattr(mechanics.skeleton, "largest_step", watched)
-    point, _ = mechanics.advanced(rest, -1.0, 1.0)
-    assert -0.1 < point.d < 0.0
-    assert 0.99 * mechanics.size < max(ways) < 1.01 * mechanics.size
+    point, _ = mechanics.advanced(rest, -0.1, 0.1)
+    assert point.d == plain.d == -0.1
+    assert point.q == pytest.approx(plain.q, rel=1e-8)
+    assert 0.0 < max(ways) <= 1.01 * mechanics.size

@@ -46,6 +46,9 @@ _FAR = 100.0
 #: Up to this `departure` of two points of a path the next one is guessed by a cubic, and looked for
 #: with the factors of the last one.
 _SMOOTH, _STRAIGHT = 5e-3, 1e-3
+#: A prediction that moves a point by more than this many times the step is that of a tangent which
+#: is nearly singular: it says nothing.
+_WILD = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,6 +451,8 @@ class ContactMechanics:
         while True:
             d = stepped(here.d, target, tried)
             guess = self.predicted(here, d)
+            if np.abs(guess - here.u).max(initial=0.0) > _WILD * abs(d - here.d):
+                guess = here.u
             end = self.full_field(d, guess)
             free_way, _ = self._free_way(begin, end)
             if free_way == 1.0 and not self.solid.inverted(end):
