@@ -56,6 +56,13 @@ NUMBERS: dict[str, dict[str, tuple[float, float]]] = {
     },
     # Exact but for the void's E_0; Eq. 25 as examples/paper/README.md has it.
     "07_part": {"worst": (0, 0.005), "stretches[1] / 1.12": (0.9, 1.05)},
+    # The stored part by real contact, computed anew; and what was found of an imperfect one.
+    "08_from_a_test_to_a_part": {
+        "max(abs(curve.q[places.index(p.d)] / p.q - 1) for p in own)": (0, 0.007),
+        "float(curve.stretch_measure.max())": (1.2, 1.575),
+        "float(moved['stable'])": (1, 1),
+        "exported.measure / (15 * 40 * 40 * part.relative_width)": (0.97, 1.03),
+    },
     "06_axisymmetric": {"max(relative)": (0, 2e-6), "D / H": (0.4091, 0.4093)},
 }
 
