@@ -25,7 +25,9 @@ import json
 import tempfile
 from pathlib import Path
 
+import ngsolve as ng
 import numpy as np
+from ngsolve.webgui import Draw
 
 import ngspring
 from ngspring.design.corrections import corrections_of
@@ -84,10 +86,10 @@ print(problem.law)
 
 # %%
 part = ngspring.Design.load(MATERIALS / "results" / "rubber-foot.npz")
+own = [point for point in part.problem.control_points if point.own]
 for found in corrections_of(part.info):
-    aims = ", ".join(f"{aim:7.3f}" for aim in found.aims)
-    solid = ", ".join(f"{force:7.3f}" for force in found.solid)
-    print(f"asked of the third medium {aims} N\n    carried by the solid  {solid} N")
+    for point, aim, solid in zip(own, found.aims, found.solid, strict=False):
+        print(f"{point.d:4g} mm: asked of the third medium {aim:7.3f} N, solid {solid:7.3f} N")
 
 # %%
 body = ngspring.mesh_body(part)
@@ -101,7 +103,6 @@ draw_body(pressed, body, curve.u[0], -8.0)
 pressed.set_title("the solid at -8 mm", fontsize=9)
 draw_frame(diagram)
 draw_line(diagram, curve, color="black", label="solid, real contact")
-own = [point for point in part.problem.control_points if point.own]
 diagram.plot([p.d for p in own], [p.q for p in own], "o", color="black", mfc="none", label="wanted")
 diagram.legend(fontsize=8)
 for axes in (density, pressed):
@@ -117,6 +118,14 @@ for point in own:
 print(f"stretch that a thousandth of the volume exceeds: {curve.stretch_measure.max():.3f}")
 
 # %% [markdown]
+# The quarter of the solid that is computed, at -8 mm, with its displacement in mm.
+
+# %%
+u = ng.GridFunction(ng.VectorH1(body.mesh, order=2))
+u.vec.FV().NumPy()[:] = curve.u[0]
+scene = Draw(ng.Norm(u), body.mesh, "|u|", deformation=u)
+
+# %% [markdown]
 # ## If the mould is not perfect
 #
 # Surfaces moved by 0.15 mm, further out on one side and further in on the other, and the whole
@@ -130,6 +139,14 @@ print(f"furthest from the perfect one: {share:+.2f} % at {moved['largest_deviati
 print("stable" if moved["stable"] else f"leaves its curve at {moved['leaves']} mm")
 print(f"smallest wall {known['smallest_wall']:.2f} mm")
 print(f"smallest gap {known['smallest_gap_at_rest']:.2f} mm")
+figure = new_figure(5.4, 3.2)
+axes = figure.subplots()
+axes.plot(
+    moved["curve"]["d"], 100 * np.array(moved["curve"]["deviation"]), "o-", color="black", ms=3
+)
+axes.axhspan(-2, 2, color="0.92")
+axes.set(xlabel="d [mm]", ylabel="imperfect beside perfect [%]", ylim=(-3, 3))
+figure
 
 # %% [markdown]
 # ## To the workshop
