@@ -131,9 +131,12 @@ def _monotone(problem: SpringProblem) -> Iterator[Finding]:
     pairs.sort()
     for (d_1, q_1), (d_2, q_2) in pairwise(pairs):
         if q_2 < q_1 and q_1 * d_1 >= 0.0 and q_2 * d_2 >= 0.0:
+            # Told on the way from rest.
+            first, last = sorted([(d_1, q_1), (d_2, q_2)], key=lambda point: abs(point[0]))
             yield Finding(
                 "warning",
-                f"the force falls from {q_1:g} to {q_2:g} N between d = {d_1:g} and {d_2:g} mm:"
+                f"the force falls from {first[1]:g} to {last[1]:g} N between d = {first[0]:g} and"
+                f" {last[0]:g} mm:"
                 " negative stiffness, so under a given force the spring will snap through there."
                 " Under a given displacement, as here, such a curve is possible, but the path to"
                 " the control points may jump and convergence is harder",
