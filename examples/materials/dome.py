@@ -9,25 +9,23 @@ Numbers go to results/dome.json, the picture to figures/dome.png.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from evaluation import HERE, parsed, parser, write_numbers
 
 from ngspring import NO_LADDER, Design, SpringProblem, TargetCurve, optimize, read_curve, verify
 from ngspring.analysis.states import force_at, index_of
 from ngspring.basics.arrays import FloatArray
-from ngspring.basics.files import finite_or_none, write_text
+from ngspring.basics.files import finite_or_none
 from ngspring.solid.verification import Verification
 from ngspring.view.curves import draw_frame, draw_line
 from ngspring.view.design import draw_design
 from ngspring.view.figure import SMALL, new_figure, save_figure
 from ngspring.view.solid import draw_body
 
-HERE = Path(__file__).parent
 PROBLEM, STORED = HERE / "dome.toml", HERE / "results" / "dome.npz"
 UPDATES = 19  # after these the control points are met to four digits
 
@@ -139,18 +137,12 @@ def draw(design: Design, found: Verification, curve: TargetCurve, path: Path) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--design", action="store_true", help="design it anew")
-    parser.add_argument("--threads", type=int, default=1, help="threads to use (default: 1)")
-    parser.add_argument("--out", type=Path, default=HERE, help="folder of results and figures")
-    given = parser.parse_args(arguments)
-    for folder in ("results", "figures"):
-        (given.out / folder).mkdir(parents=True, exist_ok=True)
+    made = parser(__doc__)
+    made.add_argument("--design", action="store_true", help="design it anew")
+    given, results, figures = parsed(made, arguments)
     if given.design:
         design = designed(given.threads)
-        design.save(given.out / "results" / STORED.name)
+        design.save(results / STORED.name)
     else:
         design = Design.load(STORED)
     curve = measured(design.problem)
@@ -158,8 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     wanted = np.union1d(curve.d, np.round(np.linspace(curve.d[0], 0.0, 42), 6))
     found = verify(design, wanted, threads=given.threads)
     known = numbers(design, found, curve)
-    write_text(given.out / "results" / "dome.json", json.dumps(known, indent=1) + "\n")
-    draw(design, found, curve, given.out / "figures" / "dome.png")
+    write_numbers(results / "dome.json", known)
+    draw(design, found, curve, figures / "dome.png")
     return known
 
 

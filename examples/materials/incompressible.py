@@ -10,15 +10,14 @@ figures/incompressible.png. A minute for each on one core.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from evaluation import parsed, parser, write_numbers
+
 from ngspring import Design
 from ngspring.basics.errors import DesignFileError
-from ngspring.basics.files import write_text
 from ngspring.evolution.folder import DESIGN
 from ngspring.problem.material import young_and_poisson
 from ngspring.solid.contact.response import contact_load_displacement
@@ -27,7 +26,6 @@ from ngspring.view.design import draw_design
 from ngspring.view.figure import SMALL, new_figure, save_figure
 from ngspring.view.text import width_symbol
 
-HERE = Path(__file__).parent
 CASES, RATIOS = ("C4", "A3"), ("0.4", "0.45", "0.49", "0.499")
 
 
@@ -78,13 +76,9 @@ def draw(designs: dict[str, Design | None], known: dict[str, Any], path: Path) -
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path, help="of the campaign")
-    parser.add_argument("--threads", type=int, default=1, help="threads to use (default: 1)")
-    parser.add_argument("--out", type=Path, default=HERE, help="folder of results and figures")
-    given = parser.parse_args(arguments)
+    made = parser(__doc__)
+    made.add_argument("folder", type=Path, help="of the campaign")
+    given, results, figures = parsed(made, arguments)
     names = [f"{case}-nu{nu}" for case in CASES for nu in RATIOS]
     designs = {name: load(given.folder, name) for name in names}
     known = {
@@ -92,11 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         for name, design in designs.items()
         if design is not None
     }
-    for folder in ("results", "figures"):
-        (given.out / folder).mkdir(parents=True, exist_ok=True)
-    text = json.dumps(known, indent=1) + "\n"
-    write_text(given.out / "results" / "incompressible.json", text)
-    draw(designs, known, given.out / "figures" / "incompressible.png")
+    write_numbers(results / "incompressible.json", known)
+    draw(designs, known, figures / "incompressible.png")
     return known
 
 

@@ -4,8 +4,8 @@
         --stretches 1.1,2.5 --write natural-rubber.toml
     ngspring targets rubber-foot.csv --length 40 --height 40 --thickness 15 --elements 40 \\
         --material natural-rubber.toml --write rubber-foot.toml
-    # two lines more in that file: stretch_limit = 1.8 and imperfection = 0.15
-    ngspring optimize rubber-foot.toml --part
+    # more in that file: stretch_limit, imperfection, and two dilated control points
+    ngspring optimize rubber-foot.toml --part --initial rubber-foot-start.npz --ladder off
     python rubber_foot.py runs/rubber-foot-part
 
 The last line computes the solid with real contact, perfect and with surfaces moved by 0.15 mm, and
@@ -15,11 +15,11 @@ the numbers go to results/, a picture to figures/.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from evaluation import parsed, parser, write_numbers
 
 from ngspring import (
     Design,
@@ -29,17 +29,15 @@ from ngspring import (
     export_body,
     imperfection,
     stability,
+    verify,
 )
-from ngspring import verify as verified
 from ngspring.analysis.states import index_of
-from ngspring.basics.files import write_text
 from ngspring.evolution.folder import DESIGN
 from ngspring.view.curves import draw_frame, draw_line
 from ngspring.view.figure import SMALL, new_figure, save_figure
 from ngspring.view.report import write_report
 from ngspring.view.solid import draw_body, draw_pressure, edge_pressure
 
-HERE = Path(__file__).parent
 NAME = "rubber-foot"
 #: How far surfaces are moved, in mm: as much as the design was made for.
 SIZE = 0.15
@@ -47,19 +45,20 @@ SIZE = 0.15
 
 def numbers(found: Verification, moved: Imperfection, paths: Stability) -> dict[str, Any]:
     """What is told of the part: forces, strain, walls and gaps, imperfection and stability."""
-    points = found.design.problem.control_points
+    told = found.to_dict()
+    own = [point for point in found.design.problem.control_points if point.own]
     measures = ("stretch_measure", "smallest_wall", "smallest_gap_at_rest", "contact_starts")
     return {
         "width": round(found.design.relative_width, 6),
-        "d": [point.d for point in points if point.own],
-        "target": [point.q for point in points if point.own],
-        "aim": [point.q_star for point in points if point.own],
+        "d": [point.d for point in own],
+        "target": [point.q for point in own],
+        "aim": [point.q_star for point in own],
         "solid": [verdict.q_contact for verdict in found.points],
-        **{name: found.to_dict()[name] for name in measures},
+        **{name: told[name] for name in measures},
         "imperfection": moved.to_dict(),
         "lowest_eigenvalue": float(min(paths.relative)),
         "loses_stability_at": [critical.d for critical in paths.critical],
-        "curve": found.to_dict()["curve"],
+        "curve": told["curve"],
     }
 
 
@@ -96,25 +95,18 @@ def draw(found: Verification, moved: Imperfection, path: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path, help="of the finished run")
-    parser.add_argument("--threads", type=int, default=1, help="threads to use (default: 1)")
-    parser.add_argument("--out", type=Path, default=HERE, help="folder of results and figures")
-    given = parser.parse_args(arguments)
-    results, figures = given.out / "results", given.out / "figures"
-    for folder in (results, figures):
-        folder.mkdir(parents=True, exist_ok=True)
+    made = parser(__doc__)
+    made.add_argument("folder", type=Path, help="of the finished run")
+    given, results, figures = parsed(made, arguments)
     part = Design.load(given.folder / DESIGN)
     part.save(results / f"{NAME}.npz")
     export_body(part, results / f"{NAME}.step")
     write_report(part, results / f"{NAME}.html")
-    found = verified(part, threads=given.threads)
+    found = verify(part, threads=given.threads)
     moved = imperfection(part, SIZE, perfect=found.contact, threads=given.threads)
     paths = stability(part, threads=given.threads)
     known = numbers(found, moved, paths)
-    write_text(results / f"{NAME}.json", json.dumps(known, indent=1) + "\n")
+    write_numbers(results / f"{NAME}.json", known)
     draw(found, moved, figures / f"{NAME}.png")
     return known
 

@@ -130,7 +130,7 @@ figure
 # ## Less strain, more material
 #
 # The ends of slits are where a spring of this kind tears. `stretch_limit` is one more term of the
-# objective, $k_s/n \, \langle \lambda/\lambda_{max} - 1 \rangle^n$ over the solid and over all
+# objective, $k_s/n \, \langle \rho(\chi)(\lambda/\lambda_{max} - 1) \rangle^n$ over the body and all
 # control points. What is compared is the stretch that only a thousandth of the volume exceeds.
 # It costs material. (Without corrections here, on a mesh of 12 x 12.)
 

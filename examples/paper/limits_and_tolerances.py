@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from ngspring.basics.files import finite_or_none, write_text
 from ngspring.evolution.folder import DESIGN
 from ngspring.problem.point import worst_deviation
 from ngspring.solid.contact.response import ContactResponse, contact_load_displacement
+from ngspring.solid.mesh.body import Body
 from ngspring.solid.mesh.mesh_body import mesh_body
 from ngspring.solid.tolerance import tolerance
 from ngspring.view.figure import save_figure
@@ -66,9 +67,9 @@ def strains(curve: ContactResponse | None) -> dict[str, Any]:
     }
 
 
-def walls(design: Design) -> dict[str, Any]:
+def walls(body: Body) -> dict[str, Any]:
     """Smallest wall and gap of the undeformed solid in mm, as `ngspring verify` tells them."""
-    quality = mesh_body(design).quality
+    quality = body.quality
     assert quality is not None  # the mesh was made here
     return {
         "smallest_wall": finite_or_none(quality.thinnest_wall),
@@ -86,18 +87,14 @@ def with_bands(design: Design, threads: int | None) -> dict[str, Any]:
     return {**strains(found.nominal.contact), "forces": forces}
 
 
-def computed(design: Design, threads: int | None) -> dict[str, Any]:
-    """What takes the solid of a run."""
-    known = outcome(design)
-    if (
-        known["case"] in ROBUST
-        and not known["limit"]
-        and set(known["offsets"]) <= {-OFFSET, OFFSET}
-    ):
-        return {**walls(design), **with_bands(design, threads)}
+def computed(design: Design, known: Mapping[str, Any], threads: int | None) -> dict[str, Any]:
+    """What takes the solid of a run of which this `outcome` is known."""
+    body, offsets = mesh_body(design), set(known["offsets"])
+    if known["case"] in ROBUST and not known["limit"] and offsets <= {-OFFSET, OFFSET}:
+        return {**walls(body), **with_bands(design, threads)}
     controls = [point.d for point in design.problem.control_points if point.own]
-    curve = contact_load_displacement(mesh_body(design), controls, threads=threads)
-    return {**walls(design), **strains(curve)}
+    curve = contact_load_displacement(body, controls, threads=threads)
+    return {**walls(body), **strains(curve)}
 
 
 def evaluated(folder: Path, threads: int | None) -> dict[str, Any] | None:
@@ -109,7 +106,7 @@ def evaluated(folder: Path, threads: int | None) -> dict[str, Any] | None:
         if known.get("design") == mark["design"]:
             return known | mark
         print(f"{folder.name}:", flush=True)
-        return mark | computed(design, threads)
+        return mark | computed(design, mark, threads)
     except NgspringError as error:
         print(f"{folder.name}: {error}")
         return None
