@@ -11,6 +11,7 @@ exact saddle point. Nothing is written here: see `ngspring.optimize`.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import logging
 import time
 from collections.abc import Iterator, Sequence
@@ -341,7 +342,16 @@ class Evolution:
         return self._begin(rest, DT_RETURN * self._unit)
 
     def _past(self) -> Past:
-        return Past(self._state, self._previous, self._on_this_stage(), self._rejected)
+        rows = self._on_this_stage()
+        return Past(self._state, self._previous, rows, self._rejected, self._in_vain(rows))
+
+    def _in_vain(self, rows: list[Row]) -> bool:
+        """Whether the end was due after one of the updates since the last start, and failed."""
+        assert self._stepper is not None
+        due = self._stepper.rule.end_is_due
+        followed = rows if self._rejected else rows[:-1]
+        since = itertools.takewhile(lambda row: row.dt > 0.0, reversed(followed))
+        return any(due(row.dt / self._unit, row.newton_iterations, row.rejected) for row in since)
 
     def _on_this_stage(self) -> list[Row]:
         """The rows of the present mesh and targets; the first one is its start."""

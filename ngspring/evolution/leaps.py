@@ -57,7 +57,7 @@ class Leaping(Stepper):
             ahead = self._euler.elimination.relax(state, ahead)
         except ConvergenceError as error:
             return NewtonResult(state, False, 0, f"a leap too far: {error}", None, np.inf)
-        outcome = self._euler.solved(ahead, dt, self._newton)
+        outcome = self._euler.solved(ahead, dt, past.newton(self._newton))
         if not outcome.converged:
             return dataclasses.replace(outcome, reason=f"a leap too far: {outcome.reason}")
         rise = self.system.terms(outcome.state)["C"] - past.rows[-1].C

@@ -32,12 +32,21 @@ class Past:
         The history so far.
     rejected : int
         Attempts that were made from ``state`` without success.
+    exact : bool
+        Whether updates have to be iterated as far as the last one, as that was tried in vain: next
+        to where a stationary point has just vanished, Newton's method wanders, and an update that
+        is stopped early passes for one without going anywhere.
     """
 
     state: State
     previous: State
     rows: Rows
     rejected: int = 0
+    exact: bool = False
+
+    def newton(self, settings: NewtonSettings) -> NewtonSettings:
+        """How far updates on the way are iterated, if it is so far otherwise."""
+        return settings.at_most(EXACT) if self.exact else settings
 
 
 def polished(system: CoupledSystem, outcome: NewtonResult) -> NewtonResult:
@@ -86,7 +95,7 @@ class BackwardEuler(Stepper):
 
     def update(self, past: Past, dt: float) -> NewtonResult:
         """See `Stepper`."""
-        return self.solved(past.state, dt, self.newton)
+        return self.solved(past.state, dt, past.newton(self.newton))
 
     def solved(self, state: State, dt: float, newton: NewtonSettings) -> NewtonResult:
         """A backward Euler step over dt from a state; without transient term to the exact end."""

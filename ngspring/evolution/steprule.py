@@ -52,6 +52,11 @@ class StepRule:
         """Whether nothing moves any more, after an accepted update (dt in `time_unit`)."""
         return iterations <= self.still and dt >= self.rest
 
+    def end_is_due(self, dt: float, iterations: int, rejected: int = 0) -> bool:
+        """Whether the transient term is removed after an accepted update (dt in `time_unit`)."""
+        rest = self.at_rest(dt, iterations) and not rejected
+        return rest or self.grown(dt, iterations, rejected) > self.end
+
     def grown(self, dt: float, iterations: int, rejected: int = 0) -> float:
         """Next dt after an accepted update that took so many Newton iterations.
 

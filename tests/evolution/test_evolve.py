@@ -11,6 +11,8 @@ import ngspring
 from ngspring import ControlPoint, SpringProblem, StepRule
 from ngspring.basics.errors import ProblemError
 from ngspring.design.history import History, Row, stages
+from ngspring.kkt.newton import EXACT, relative_residuals
+from ngspring.kkt.system import CoupledSystem
 
 SMALL = SpringProblem((ControlPoint(8.0, 2.0), ControlPoint(-8.0, -2.0)), elements=8, l_i=10.0)
 
@@ -76,6 +78,29 @@ def test_it_goes_on_from_the_last_accepted_update_even_after_a_rejected_one() ->
     again = iter(ngspring.evolve(SMALL, resume_from=first.checkpoint, threads=1, rule=StepRule()))
     assert next(again).resumed
     assert next(again).dt == updates[-1].dt
+
+
+def test_after_the_end_was_tried_in_vain_updates_are_iterated_as_far_as_the_end() -> None:
+    """Where a stationary point has just vanished, what is stopped early goes nowhere."""
+    system = CoupledSystem(SMALL, "sparsecholesky", 1)
+    before: list[float] = []
+    after: list[float] = []
+    tried, chi = False, None
+    # A rule that tries the end long before its time.
+    for update in ngspring.evolve(SMALL, threads=1, rule=StepRule(rest=1e3, still=10)):
+        tried = tried or (not update.accepted and np.isinf(update.dt))
+        if not update.accepted:
+            continue
+        state = update.checkpoint.state
+        if chi is not None:
+            residual = system.residual(state, chi, update.dt)
+            (after if tried else before).append(relative_residuals(system, residual).max())
+        chi = state.chi
+        if len(after) == 6:
+            break
+    assert tried
+    assert max(before) > 1e-4
+    assert max(after) < EXACT.residual_tolerance
 
 
 def test_arguments_are_checked_before_anything_is_computed() -> None:
