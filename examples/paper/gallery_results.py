@@ -48,7 +48,9 @@ def evaluate(
         if read(results).get(name, {}).get("design") == mark["design"]:
             continue
         print(f"{name}:", flush=True)
-        known = read(results) | {name: mark | evaluation(name, design, given.threads)}
+        found = mark | evaluation(name, design, given.threads)
+        # Read anew: others may have been evaluated at the same time.
+        known = read(results) | {name: found}
         write_text(
             HERE / "results" / f"{results}.json",
             json.dumps(dict(sorted(known.items())), indent=1) + "\n",
