@@ -427,3 +427,21 @@ def test_stored_deviations_are_positive_where_the_solid_is_stronger() -> None:
         for point in found.get("control_points", ()):
             stronger = abs(point["q_contact"]) - abs(point["q_third_medium"])
             assert point["deviation"] == pytest.approx(stronger)
+
+
+def test_what_others_have_evaluated_meanwhile_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = script("gallery_results")
+    monkeypatch.setattr(module, "HERE", tmp_path)
+    path = tmp_path / "results" / "numbers.json"
+    path.parent.mkdir()
+
+    def evaluation(name: str, design: Design, threads: int | None) -> dict[str, object]:
+        path.write_text('{"other": {"design": "x"}}')
+        return {"value": name}
+
+    column = Design.column(ngspring.cases["C4"].replace(elements=8, l_i=10.0))
+    known = module.evaluate("numbers", None, evaluation, [], {"mine": column})
+    assert known["other"] == {"design": "x"}
+    assert known["mine"]["value"] == "mine"
