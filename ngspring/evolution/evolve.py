@@ -304,7 +304,7 @@ class Evolution:
         self._previous, self._dt_previous = self._state, dt
         self._state = outcome.state
         self._rows.append(self._row(dt, outcome))
-        rest = stepper.rule.at_rest(dt / self._unit, outcome.iterations) and not self._rejected
+        rest = stepper.rule.at_rest(dt / self._unit, outcome.iterations, self._rejected)
         self._dt = np.inf if rest else stepper.grown(self._past(), dt, outcome)
         self._rejected = self._rejected_iterations = 0
         if np.isinf(dt) and len(self._rungs) == 1:

@@ -48,14 +48,14 @@ class StepRule:
     still: int = 2
     smallest: float = 1e-8
 
-    def at_rest(self, dt: float, iterations: int) -> bool:
+    def at_rest(self, dt: float, iterations: int, rejected: int = 0) -> bool:
         """Whether nothing moves any more, after an accepted update (dt in `time_unit`)."""
-        return iterations <= self.still and dt >= self.rest
+        return iterations <= self.still and dt >= self.rest and not rejected
 
     def end_is_due(self, dt: float, iterations: int, rejected: int = 0) -> bool:
         """Whether the transient term is removed after an accepted update (dt in `time_unit`)."""
-        rest = self.at_rest(dt, iterations) and not rejected
-        return rest or self.grown(dt, iterations, rejected) > self.end
+        later = self.grown(dt, iterations, rejected)
+        return self.at_rest(dt, iterations, rejected) or later > self.end
 
     def grown(self, dt: float, iterations: int, rejected: int = 0) -> float:
         """Next dt after an accepted update that took so many Newton iterations.

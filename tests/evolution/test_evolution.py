@@ -374,6 +374,12 @@ def test_nothing_moves_any_more_after_an_easy_update_with_a_large_dt() -> None:
     assert not rule.at_rest(0.9e10, 3)
     assert not rule.at_rest(1e10, 4)
     assert not PAPER_RULE.at_rest(1e19, 1)
+    assert not rule.at_rest(1e10, 3, rejected=1)
+    # The end is due then, or where dt grows beyond it.
+    assert rule.end_is_due(1e10, 3)
+    assert not rule.end_is_due(1e10, 3, rejected=1)
+    assert PAPER_RULE.end_is_due(0.6e20, 1)
+    assert not PAPER_RULE.end_is_due(0.4e20, 1)
 
 
 def test_a_step_rule_grows_dt_by_its_own_numbers() -> None:
