@@ -124,8 +124,8 @@ def test_quarter_and_full_domain_have_the_same_force() -> None:
 # -- Cook's membrane -----------------------------------------------------------------------------
 # References: quadratic to cubic pressure next to cubic and quartic displacements (an own
 # computation with NGSolve), on meshes refined to 0.01 mm in the corner where stresses are infinite.
-# Elmer's 6.147 for the first is that of a law without isochoric split: G/2 (I_1 - 3 - 2 ln J) and one
-# of three usual volumetric energies give 6.146 to 6.148 (quartic elements of 1 mm), Eq. 14 6.177.
+# Elmer's 6.147 for the first is that of a law without isochoric split: G/2 (I_1 - 3 - 2 ln J) and
+# one of three usual volumetric energies give 6.146 to 6.148 (quartic elements of 1 mm).
 
 
 @pytest.mark.parametrize(
