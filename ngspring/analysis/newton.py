@@ -51,6 +51,7 @@ def newton(
     smallest: float = 1e-3,
     longest: Callable[[FloatArray, FloatArray], float] | None = None,
     stuck: str = "every Newton step inverts an element",
+    blocked: str = "no part of a Newton step may be made",
 ) -> tuple[FloatArray, State, int]:
     """Unknowns, their state and the iterations it took.
 
@@ -73,8 +74,8 @@ def newton(
         Steps shorter than this are a failure.
     longest : callable, optional
         The part of an update that is tried first; 1 by default.
-    stuck : str
-        What it means that no step is acceptable.
+    stuck, blocked : str
+        What it means that no step is acceptable, and that ``longest`` leaves nothing of one.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def newton(
         update = direction(u, state)
         length = 1.0 if longest is None else longest(u, update)
         if length < smallest:
-            raise NewtonError(stuck)
+            raise NewtonError(blocked)
         while True:
             step = Step(update, length, state, evaluate(u + length * update))
             if acceptable(step):

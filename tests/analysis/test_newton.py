@@ -9,7 +9,7 @@ from ngspring.analysis.newton import NewtonError, newton
 from ngspring.basics.arrays import FloatArray
 
 
-def solve(longest: float, calls: list[FloatArray]) -> FloatArray:
+def solve(longest: float, calls: list[FloatArray], acceptable: bool = True) -> FloatArray:
     """The root of u - 1 by steps of which at most a part is free."""
 
     def evaluate(u: FloatArray) -> FloatArray:
@@ -21,12 +21,13 @@ def solve(longest: float, calls: list[FloatArray]) -> FloatArray:
         np.array([-1.0]),
         evaluate=evaluate,
         direction=lambda u, state: -state,
-        acceptable=lambda step: True,
+        acceptable=lambda step: acceptable,
         converged=lambda step: bool(abs(step.after[0]) < 1e-6),
         max_iterations=60,
         smallest=1e-8,
         longest=lambda u, update: longest,
-        stuck="no way is free",
+        stuck="no step is any good",
+        blocked="no way is free",
     )
     return u
 
@@ -40,3 +41,8 @@ def test_a_step_that_is_cut_to_nothing_fails_at_once_and_costs_nothing() -> None
     with pytest.raises(NewtonError, match="no way is free"):
         solve(1e-13, calls)
     assert calls == []
+
+
+def test_a_step_that_is_free_and_no_good_is_said_to_be_so() -> None:
+    with pytest.raises(NewtonError, match="no step is any good"):
+        solve(1.0, [], acceptable=False)

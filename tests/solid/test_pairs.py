@@ -110,12 +110,72 @@ def test_the_energy_does_not_jump_when_a_corner_slides_past_a_point() -> None:
     assert jump < 1e-5 * energies[k]
 
 
+def _kinked(turn: float) -> Surface:
+    """Solid above two edges of 1 mm that turn away from it, and a short edge of another one."""
+    direction = np.array([np.cos(turn), -np.sin(turn)])
+    ends = [[[-1.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], direction], [[0.03, 0.0], [-0.03, 0.0]]]
+    (a, b), (_, c), (d, e) = np.array(ends)
+    rest = np.array([a, (a + b) / 2, b, (b + c) / 2, c, d, (d + e) / 2, e])
+    nodes = np.array([[0, 1, 2], [2, 3, 4], [5, 6, 7]])
+    return Surface(nodes, rest, sp.identity(len(rest), format="csr"), np.zeros((3, 2), bool))
+
+
+def _moved(surface: Surface, place: FloatArray) -> FloatArray:
+    """Displacements that carry the short edge there."""
+    u = np.zeros((len(surface.rest), 2))
+    u[5:] = place
+    return u.T.ravel()
+
+
+def _distance(point: FloatArray, begin: FloatArray, end: FloatArray) -> float:
+    along = (point - begin) @ (end - begin) / ((end - begin) @ (end - begin))
+    return float(np.linalg.norm(point - begin - np.clip(along, 0, 1) * (end - begin)))
+
+
+def test_around_a_concave_kink_a_point_inside_is_as_deep_as_the_nearest_surface_is_far() -> None:
+    """On either side of the kink the nearest place is on an edge, between them it is the kink."""
+    surface = _kinked(np.radians(40))
+    search = PairSearch(surface, lobatto(6)[0])
+    at_the_kink = 0
+    for angle in np.radians(np.linspace(40, 140, 41)):
+        full = _moved(surface, 0.02 * np.array([np.cos(angle), np.sin(angle)]))
+        positions = surface.positions(full)
+        pairs = search.find(positions, ahead=False)
+        pairs = pairs[pairs.point >= 12]
+        assert list(pairs.point) == list(range(12, 18)), "no point of the short edge is lost"
+        ends = positions[surface.nodes[:2][:, [0, 2]]]
+        points = surface.at(positions, search.s)[2]
+        expected = [-min(_distance(point, *edge) for edge in ends) for point in points]
+        np.testing.assert_allclose(pairs.gap, expected, rtol=1e-9)
+        at_the_kink += int(pairs.kink.sum())
+    assert at_the_kink > 40
+
+
+def test_forces_and_stiffness_at_a_concave_kink_are_derivatives_of_the_energy(
+    random: np.random.Generator,
+) -> None:
+    surface = _kinked(np.radians(40))
+    contact = Contact(surface, (), ContactLaw(300.0, 1e-3), lambda x: np.ones(len(x)))
+    u, du = _moved(surface, np.array([0.003, 0.02])), random.normal(size=16)
+    state = contact.state(u)
+    assert state.pairs.kink.any()
+    assert not state.pairs.kink[state.pairs.gap < 0.0].all()
+    forces = contact.forces(state)
+    stiffness = contact.second_derivative(state, sp.identity(16, format="csr"))
+    h = 1e-6
+    ahead, behind = contact.state(u + h * du), contact.state(u - h * du)
+    slope = (contact.energy(ahead) - contact.energy(behind)) / (2 * h)
+    np.testing.assert_allclose(slope, forces @ du, rtol=1e-6)
+    change = (contact.forces(ahead) - contact.forces(behind)) / (2 * h)
+    np.testing.assert_allclose(change, stiffness @ du, rtol=1e-6, atol=1e-6 * abs(change).max())
+
+
 def test_what_energy_needs_is_found_without_looking_ahead() -> None:
     surface = fold()
     search = PairSearch(surface, lobatto(6)[0])
     pairs, inside = search.find(surface.rest), search.find(surface.rest, ahead=False)
     negative = pairs.gap < 0.0
     assert 20 < negative.sum() < len(pairs.gap)
-    for name in ("point", "edge", "s", "gap", "normal"):
+    for name in ("point", "edge", "s", "gap", "normal", "kink"):
         found, expected = getattr(inside, name), getattr(pairs, name)[negative]
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)

@@ -34,7 +34,7 @@ from scipy.special import eval_legendre, roots_jacobi
 from ngspring.basics.arrays import FloatArray
 from ngspring.solid.contact.pairs import Pairs, PairSearch
 from ngspring.solid.contact.supports import Plane
-from ngspring.solid.contact.surface import CURVATURES, Surface, shapes, slopes
+from ngspring.solid.contact.surface import CURVATURES, Surface, outward, shapes, slopes
 
 
 @dataclass(frozen=True)
@@ -328,7 +328,8 @@ class Contact:
 
         With t = x'(s), c = x''(s), n at the foot and a(du) = t . (du_point - du_foot),
         b(du) = n . du'(s), the second variation of the signed distance g is
-        ``-[(n.c / t.t) a a + a b + b a + g b b] / (t.t - g n.c)``.
+        ``-[(n.c / t.t) a a + a b + b a + g b b] / (t.t - g n.c)``. At a kink it is the distance
+        from a point: ``a a / (g t.t)``, for any t across the normal.
         """
         pairs = state.pairs
         touching = np.flatnonzero(pairs.gap < 0.0)
@@ -351,6 +352,9 @@ class Contact:
         bending += ab + ab.transpose(0, 2, 1)
         bending += gap[:, None, None] * b[:, :, None] * b[:, None, :]
         bending /= -(tt - gap * nc)[:, None, None]
+        kink = pairs.kink[touching]
+        across = rows(outward(n[kink]), difference[kink])
+        bending[kink] = across[:, :, None] * across[:, None, :] / gap[kink, None, None]
         area = self.area[point] / 2
         local = (area * self.law.slope(gap))[:, None, None] * (
             gradient[:, :, None] * gradient[:, None, :]

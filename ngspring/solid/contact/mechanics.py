@@ -349,6 +349,7 @@ class ContactMechanics:
                 smallest=1e-8 if exact else _SHORT,
                 longest=longest,
                 stuck="the energy has no lower state along a Newton step",
+                blocked="a wall is in the way of every Newton step",
             )
         except NewtonError as error:
             raise ConvergenceError(f"{error} (forces out of balance by {norm:.2g} N)") from None

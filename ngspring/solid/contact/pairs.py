@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,10 @@ _DEEPEST = 0.25
 _SHARP = 0.6
 #: And from which on it is a fold.
 _FOLDED = 2.6
-#: An edge is prolonged by this part of its length at a concave kink between two edges, so that a
-#: point inside the other solid is not lost between them (at a convex one it is not inside); and by
-#: this much where the surface ends on a side of the meshed part, and its mirror image goes on.
-_OVERHANG, _OPEN_OVERHANG = 0.02, 0.5
+#: An edge is prolonged by this part of its length where the surface ends on a side of the meshed
+#: part, and its mirror image goes on; and everywhere by rounding, so that no point is lost between
+#: two edges.
+_OPEN_OVERHANG, _ROUNDING = 0.5, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,9 @@ class Pairs:
         Signed distance in mm, negative inside the other solid.
     normal : array (pairs, 2)
         Outward normal at the foot.
+    kink : bool array (pairs,)
+        Whether the foot is a concave kink between two edges, at the end of this one: what is
+        nearest to a point inside that is beyond the one and before the other.
     """
 
     point: IntArray
@@ -52,6 +55,16 @@ class Pairs:
     s: FloatArray
     gap: FloatArray
     normal: FloatArray
+    kink: NDArray[np.bool_]
+
+    def __getitem__(self, chosen: IntArray | NDArray[np.bool_]) -> Pairs:
+        """Some of them."""
+        return Pairs(*(getattr(self, part.name)[chosen] for part in fields(self)))
+
+    def and_(self, others: Pairs) -> Pairs:
+        """These, then others."""
+        both = ((getattr(pairs, part.name) for pairs in (self, others)) for part in fields(self))
+        return Pairs(*(np.concatenate(list(parts)) for parts in both))
 
 
 class PairSearch:
@@ -73,6 +86,9 @@ class PairSearch:
         #: Pairs of edges that meet, the end of one and the beginning of the other.
         self._before = np.flatnonzero(first[order[place]] == last)
         self._after = order[place[self._before]]
+        #: Which of them is at the beginning and at the end of an edge; -1 for none.
+        self._kinks = np.full((surface.edges, 2), -1)
+        self._kinks[self._after, 0] = self._kinks[self._before, 1] = np.arange(len(self._before))
 
     def find(self, positions: FloatArray, ahead: bool = True) -> Pairs:
         """All pairs closer than about twice the longest edge.
@@ -90,19 +106,20 @@ class PairSearch:
         lengths = np.linalg.norm(np.diff(positions[surface.nodes[:, ::2]], axis=1)[:, 0], axis=1)
         reach = 2.0 * lengths.max()
         turns = self._turns(positions)
-        overhang = self._overhang(turns)
         point, edge, s = self._inside(positions, points, normals, lengths)
         if ahead:
             near = self._ahead(positions, points, normals, reach)
             pairs = zip((point, edge, s), near, strict=True)
             point, edge, s = (np.concatenate(part) for part in pairs)
+        at_kinks = self._at_kinks(positions, points, point, edge, turns)
         s, gap, normal, converged = self._feet(positions, points[point], edge, s)
-        limit = overhang[edge]
-        opposed = (normal * normals[point]).sum(1) < _OPPOSED
-        seen = converged & opposed & (s >= -limit[:, 0]) & (s <= 1 + limit[:, 1])
-        seen &= (gap > -self._deepest(point, edge)) & (gap < (reach if ahead else 0.0))
-        found = Pairs(point[seen], edge[seen], s[seen], gap[seen], normal[seen])
-        return self._round_corners(positions, points, turns, self._nearest(found, lengths))
+        limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, _ROUNDING)[edge]
+        on_edges = converged & (s >= -limit[:, 0]) & (s <= 1 + limit[:, 1])
+        found = Pairs(point, edge, s, gap, normal, np.zeros(len(s), bool))[on_edges].and_(at_kinks)
+        seen = (found.normal * normals[found.point]).sum(1) < _OPPOSED
+        seen &= found.gap > -self._deepest(found.point, found.edge)
+        seen &= found.gap < (reach if ahead else 0.0)
+        return self._round_corners(positions, points, turns, self._nearest(found[seen], lengths))
 
     def _feet(
         self, positions: FloatArray, points: FloatArray, edge: IntArray, s: FloatArray
@@ -122,8 +139,32 @@ class PairSearch:
         # would jump.
         order = np.lexsort([np.abs(pairs.gap) + 1e3 * beyond, pairs.gap >= 0.0, pairs.point])
         _, first = np.unique(pairs.point[order], return_index=True)
-        k = order[first]
-        return Pairs(pairs.point[k], pairs.edge[k], pairs.s[k], pairs.gap[k], pairs.normal[k])
+        return pairs[order[first]]
+
+    def _at_kinks(
+        self,
+        positions: FloatArray,
+        points: FloatArray,
+        point: IntArray,
+        edge: IntArray,
+        turns: FloatArray,
+    ) -> Pairs:
+        """Points beyond the one and before the other edge of a concave kink: they are inside it.
+
+        There the surface is as far as the kink, in every direction: so the distance and its
+        derivative do not jump when a point slides from one edge to the next.
+        """
+        point, kink = np.tile(point, 2), self._kinks[edge].T.ravel()
+        concave = (kink >= 0) & (turns[kink] < 0.0)
+        point, kink = point[concave], kink[concave]
+        edge, after = self._before[kink], self._after[kink]
+        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
+        away = points[point] - positions[self.surface.nodes[edge, 2]]
+        between = (away * ends[edge, 1]).sum(1) > 0.0
+        between &= (away * ends[after, 0]).sum(1) < 0.0
+        point, edge, away = point[between], edge[between], away[between]
+        gap, one = -np.linalg.norm(away, axis=1), np.ones(len(point))
+        return Pairs(point, edge, one, gap, -_unit(away), one.astype(bool))
 
     def _round_corners(
         self, positions: FloatArray, points: FloatArray, turns: FloatArray, pairs: Pairs
@@ -143,13 +184,10 @@ class PairSearch:
         begin = np.where(pairs.s[asked] > 0.5, 0.0, 1.0)
         s, gap, normal, converged = self._feet(positions, points[point], edge, begin)
         nearer = converged & (s >= 0.0) & (s <= 1.0) & (gap > pairs.gap[asked])
-        changed = asked[nearer]
-        edges, parameters, gaps, normals = (
-            part.copy() for part in (pairs.edge, pairs.s, pairs.gap, pairs.normal)
-        )
-        edges[changed], parameters[changed] = edge[nearer], s[nearer]
-        gaps[changed], normals[changed] = gap[nearer], normal[nearer]
-        return Pairs(pairs.point, edges, parameters, gaps, normals)
+        others = Pairs(point, edge, s, gap, normal, np.zeros(len(s), bool))[nearer]
+        kept = np.ones(len(pairs.gap), bool)
+        kept[asked[nearer]] = False
+        return pairs[kept].and_(others)
 
     def _deepest(self, point: IntArray, edge: IntArray) -> FloatArray:
         """How far a point can be inside: skeletons of both sides do not cross."""
@@ -186,7 +224,7 @@ class PairSearch:
         nodes = positions[self.surface.nodes]
         radius = np.linalg.norm(nodes - nodes[:, 1:2], axis=2).max(axis=1)
         radius = radius + _DEEPEST * (self.rest_lengths + self.rest_lengths.max())
-        radius += np.where(self.surface.open_ends.any(1), _OPEN_OVERHANG, _OVERHANG) * lengths
+        radius += np.where(self.surface.open_ends.any(1), _OPEN_OVERHANG, 0.0) * lengths
         found = cKDTree(points).query_ball_point(nodes[:, 1], radius)
         edge = np.repeat(np.arange(len(nodes)), [len(k) for k in found])
         point = np.fromiter(itertools.chain.from_iterable(found), np.int64, len(edge))
@@ -208,14 +246,6 @@ class PairSearch:
         cross = t[:, 0] * after[:, 1] - t[:, 1] * after[:, 0]
         angle = np.arctan2(cross, (t * after).sum(1))
         return np.asarray(np.where(angle > _FOLDED, angle - 2 * np.pi, angle))
-
-    def _overhang(self, turns: FloatArray) -> FloatArray:
-        """By which part of its length each edge is prolonged at its two ends."""
-        concave = turns < 0.0
-        limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, 0.0)
-        limit[self._before[concave], 1] = _OVERHANG
-        limit[self._after[concave], 0] = _OVERHANG
-        return limit
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
