@@ -267,6 +267,15 @@ def test_the_narrowest_gap_is_measured() -> None:
     assert np.isinf(quality(mesh_body(column, PLANE)).narrowest_gap)
 
 
+def test_the_hollow_beside_a_shallow_neck_is_no_gap() -> None:
+    """The disc that would touch both shoulders is metres wide."""
+
+    def neck(x: FloatArray, y: FloatArray) -> FloatArray:
+        return 10 + 15 * (1 - np.cos((y - 50) / 50 * np.pi)) - np.abs(x - 50)
+
+    assert np.isinf(quality(mesh_body(neck, PLANE)).narrowest_gap)
+
+
 def test_an_asymmetric_function_is_meshed_in_the_full_domain() -> None:
     body = mesh_body(leaning, PLANE)
     assert body.problem.domain == "full"

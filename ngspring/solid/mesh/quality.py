@@ -35,7 +35,8 @@ class MeshQuality:
         Smallest distance in mm between the two faces of a wall, or infinity without walls: the
         diameter of the smallest disc in the solid that touches two opposite surfaces.
     narrowest_gap : float
-        The same for the void: between two surfaces that face each other, undeformed.
+        The same for the void: between two surfaces that face each other, undeformed, if the disc
+        is not larger than the domain.
     area : float
         Of the mesh in mm^2.
     area_error : float

@@ -43,7 +43,7 @@ class Boundary:
         Diameter in mm of the largest disc in the solid that touches the boundary at the point
         and an opposite surface; infinite where there is none.
     gap : array (n,)
-        The same for the void in front of the point.
+        The same for the void in front of the point; infinite where it is larger than the domain.
     opposite : int array (n,)
         The point that the disc touches, among the points and their mirror images
         (image ``k`` of point ``i`` is ``k n + i``); -1 where there is none.
@@ -89,6 +89,8 @@ def survey(outline: Outline) -> Boundary:
     way = _Way(loop_of_piece[number], *_places(points, loop_of_piece[number]))
     thickness, opposite = _thickness(ls, points, into, inner, way)
     gap, _ = _thickness(ls, points, -into, inner, way)
+    # A disc that leaves the domain lies in front of a hollow, not between two surfaces.
+    gap[gap > max(ls.problem.L, ls.problem.H)] = np.inf
     return Boundary(
         pieces, number, points, into, np.concatenate(curvature), thickness, gap, opposite
     )
