@@ -103,7 +103,7 @@ class Evolution:
         self._system: CoupledSystem | None = None
         self._stepper: Stepper | None = None
         self._rows: list[Row] = []
-        self._rejected = self._rejected_iterations = 0
+        self._rejected = self._rejected_iterations = self._searches = 0
         self._given_up = False
         self._ended: dict[str, object] = {}
         self._found: tuple[Correction, ...] = ()
@@ -137,7 +137,7 @@ class Evolution:
         self._found, self._best = corrections_of(checkpoint.notes), checkpoint.best
         self._correction = self._rows[-1].correction
         self._seconds = self._rows[-1].seconds
-        self._rejected = self._rejected_iterations = 0
+        self._forget_attempts()
         self._given_up = False
         self.checkpoint = checkpoint
         self.over, self.message = self._rows[-1].is_end, ""
@@ -161,7 +161,7 @@ class Evolution:
         """Take a state loaded from rest, with dt for the update to come."""
         self._state = self._previous = state
         self._dt, self._dt_previous = dt, 0.0
-        self._rejected = self._rejected_iterations = 0
+        self._forget_attempts()
         self._rows.append(self._row(0.0))
         return self._update(True, 0.0 if len(self._rows) > 1 else dt)
 
@@ -306,7 +306,7 @@ class Evolution:
         self._rows.append(self._row(dt, outcome))
         rest = stepper.rule.at_rest(dt / self._unit, outcome.iterations, self._rejected)
         self._dt = np.inf if rest else stepper.grown(self._past(), dt, outcome)
-        self._rejected = self._rejected_iterations = 0
+        self._forget_attempts()
         if np.isinf(dt) and len(self._rungs) == 1:
             self.over = True
             self._ended = self._kind(outcome)
@@ -316,11 +316,15 @@ class Evolution:
         self._rejected += 1
         self._rejected_iterations += outcome.iterations
         update = self._update(False, dt, outcome.reason)
+        if np.isinf(dt):
+            self._searches = 1
         if np.isinf(self._dt):
             # The end was tried too early, after an update whose dt could have grown.
             self._dt = 2 * self._dt_previous
         else:
             self._dt = stepper.shrunk(self._past(), min(self._dt, end))
+            if self._searches:
+                self._searches += 1
         if not self._dt >= stepper.rule.smallest * self._unit:
             self._fail(f"dt fell below {self._dt:.1e}: {outcome.reason}")
         return update
@@ -343,7 +347,9 @@ class Evolution:
 
     def _past(self) -> Past:
         rows = self._on_this_stage()
-        return Past(self._state, self._previous, rows, self._rejected, self._in_vain(rows))
+        searches = max(1, self._searches)
+        in_vain = self._in_vain(rows)
+        return Past(self._state, self._previous, rows, self._rejected, in_vain, searches)
 
     def _in_vain(self, rows: list[Row]) -> bool:
         """Whether the end was due after one of the updates since the last start, and failed."""
@@ -383,6 +389,9 @@ class Evolution:
         """Say why the caller leaves the loop: it becomes a note of the design."""
         self.message = message
         self._ended = {"stopped": message}
+
+    def _forget_attempts(self) -> None:
+        self._rejected = self._rejected_iterations = self._searches = 0
 
     # -- what there is to tell -----------------------------------------------------------------
 

@@ -77,7 +77,7 @@ class Leaping(Stepper):
     def shrunk(self, past: Past, dt: float) -> float:
         """See `Stepper`."""
         leap = past.rejected == 1 and self._tried > 0.0
-        return dt if leap else dt / self.rule.shrink
+        return dt if leap else self.rule.shrunk(dt, past.searches)
 
 
 def make_stepper(system: CoupledSystem, newton: NewtonSettings, rule: Rule) -> Stepper:

@@ -36,6 +36,8 @@ class Past:
         Whether updates have to be iterated as far as the last one, as that was tried in vain: next
         to where a stationary point has just vanished, Newton's method wanders, and an update that
         is stopped early passes for one without going anywhere.
+    searches : int
+        How many attempts with a smaller dt have been due since the end failed; 1 if it has not.
     """
 
     state: State
@@ -43,6 +45,7 @@ class Past:
     rows: Rows
     rejected: int = 0
     exact: bool = False
+    searches: int = 1
 
     def newton(self, settings: NewtonSettings) -> NewtonSettings:
         """How far updates on the way are iterated, if it is so far otherwise."""
@@ -110,4 +113,4 @@ class BackwardEuler(Stepper):
 
     def shrunk(self, past: Past, dt: float) -> float:
         """See `Stepper`."""
-        return dt / self.rule.shrink
+        return self.rule.shrunk(dt, past.searches)

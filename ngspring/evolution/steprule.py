@@ -27,7 +27,10 @@ class StepRule:
     easy : int
         See above; 0 for the paper's rule.
     shrink : float
-        A failed update is repeated with dt divided by this.
+        A failed update is repeated with dt divided by this ...
+    search : bool
+        ... and where the end has failed, by its second, third, ... power: nothing tells how far
+        below the end the largest possible dt is.
     end : float
         The transient term is removed when dt exceeds this ...
     rest : float
@@ -43,6 +46,7 @@ class StepRule:
     easy_growth: float = 5.0
     easy: int = 3
     shrink: float = 4.0
+    search: bool = True
     end: float = 1e20
     rest: float = 1e14
     still: int = 2
@@ -67,8 +71,12 @@ class StepRule:
             return dt * self.easy_growth
         return dt * self.growth if iterations < self.few else dt
 
+    def shrunk(self, dt: float, searches: int = 1) -> float:
+        """Next dt after a failed update, the n-th of a search."""
+        return dt / self.shrink ** (searches if self.search else 1)
 
-PAPER_RULE = StepRule(easy=0, rest=np.inf)
+
+PAPER_RULE = StepRule(easy=0, rest=np.inf, search=False)
 
 
 @dataclass(frozen=True)

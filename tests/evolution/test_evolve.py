@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import ngspring
 from ngspring import ControlPoint, SpringProblem, StepRule
 from ngspring.basics.errors import ProblemError
 from ngspring.design.history import History, Row, stages
+from ngspring.evolution.steprule import PAPER_RULE
 from ngspring.kkt.newton import EXACT, relative_residuals
 from ngspring.kkt.system import CoupledSystem
 
@@ -101,6 +103,26 @@ def test_after_the_end_was_tried_in_vain_updates_are_iterated_as_far_as_the_end(
     assert tried
     assert max(before) > 1e-4
     assert max(after) < EXACT.residual_tolerance
+
+
+@pytest.mark.parametrize(("search", "falls"), [(True, [4, 16, 64]), (False, [4, 4, 4])])
+def test_where_the_end_has_failed_dt_falls_faster_and_faster(
+    search: bool, falls: list[float]
+) -> None:
+    """The paper's rule falls by four each time."""
+    rule = StepRule(growth=1e4, easy_growth=1e4, easy=9, few=10, end=1e9, search=search)
+    tried: list[float] = []
+    failed = False
+    for update in ngspring.evolve(SMALL, threads=1, rule=rule):
+        if failed and update.accepted:
+            break
+        failed = failed or np.isinf(update.dt)
+        tried += [update.dt] if failed else []
+    assert np.isinf(tried[0])
+    assert not update.row.is_end
+    tried = [rule.end, *tried[1:], update.dt]
+    assert [before / after for before, after in pairwise(tried)][:3] == falls
+    assert not PAPER_RULE.search
 
 
 def test_arguments_are_checked_before_anything_is_computed() -> None:
