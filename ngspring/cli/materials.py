@@ -7,7 +7,7 @@ from rich.table import Table
 
 from ngspring.cli.tables import make_console, new_table
 from ngspring.problem.laws.named import NAMED, SOURCE
-from ngspring.problem.material import ELASTOMERS, GENT_RANGE, young_from_shore_A
+from ngspring.problem.material import ELASTOMERS, GENT_RANGE, NEAREST_NU, NU, young_from_shore_A
 
 
 @click.command("materials")
@@ -34,8 +34,8 @@ def _materials_table() -> Table:
     table.caption = (
         "Hardness as commonly offered; E from it by A. N. Gent, Rubber Chem. Technol. 31"
         " (1958) 896, good for 20 to 80 Shore A and to about 20 %; ~ is beyond. A tensile test of"
-        " your own material is better. nu: 0.4 (the paper's) to 0.45 for all of them; real rubber"
-        " is closer to 0.5, where the elements would lock."
+        f" your own material is better. nu = {NU:g}, the paper's, unless it is given; real rubber"
+        f" is closer to 0.5, and may be given up to {NEAREST_NU:g}."
     )
     for e in ELASTOMERS:
         low, high = e.shore_A

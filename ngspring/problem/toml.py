@@ -251,7 +251,9 @@ def _targets_table(described: object) -> Fields:
     table = {"file": described} if isinstance(described, str) else described
     right = "the name of a CSV file, or a table with file, and points or at"
     if not isinstance(table, dict) or not isinstance(table.get("file"), str):
-        raise ProblemError(f"targets = {shown(described)} is not valid: it must be {right}")
+        listed = " (points with their d and q are control_points)"
+        hint = listed if isinstance(described, list) else ""
+        raise ProblemError(f"targets = {shown(described)} is not valid: it must be {right}{hint}")
     for key in table:
         if key not in _TARGETS_KEYS:
             raise ProblemError(

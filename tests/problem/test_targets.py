@@ -404,6 +404,7 @@ def test_w_q_is_the_weight_of_the_points_that_have_none() -> None:
         ('targets = "curve.csv"\ncontrol_points = [{d = 1, q = 2}]', "both targets and"),
         ('targets = "nowhere.csv"', "nowhere.csv"),
         ("targets = 3", "targets = 3"),
+        ("targets = [{d = 1, q = 2}]", "points with their d and q are control_points"),
         ('targets = {path = "curve.csv"}', "must be the name of a CSV file"),
         ('targets = {file = "curve.csv", point = 3}', "did you mean 'points'"),
         ('targets = {file = "curve.csv", points = 2.5}', "targets.points = 2.5"),

@@ -176,8 +176,8 @@ def fit(
         ``neo-hooke``, ``mooney-rivlin``, ``yeoh``, ``ogden-1``, ``ogden-2``, ``ogden-3``, ``gent``
         or ``arruda-boyce``.
     nu : float
-        Poisson's ratio at small strains, which gives K; rubber itself is closer to 0.5 than what
-        the elements take.
+        Poisson's ratio at small strains, which gives K; rubber itself is closer to 0.5, and up to
+        0.4999 the elements take it.
     stretches : pair of float, optional
         Smallest and largest stretch whose points are used: a law that need not follow what no
         spring does fits better where it counts.
