@@ -170,6 +170,16 @@ def test_forces_and_stiffness_at_a_concave_kink_are_derivatives_of_the_energy(
     np.testing.assert_allclose(change, stiffness @ du, rtol=1e-6, atol=1e-6 * abs(change).max())
 
 
+def test_edges_that_meet_no_other_see_each_other() -> None:
+    """An edge of 2 mm, and one of 0.6 mm that lies 0.01 mm inside."""
+    rest = np.array([[-1, 0], [0, 0], [1, 0], [0.3, 0.01], [0, 0.01], [-0.3, 0.01]], float)
+    nodes, whole = np.arange(6).reshape(2, 3), sp.identity(6, format="csr")
+    surface = Surface(nodes, rest, whole, np.ones((2, 2), bool))
+    pairs = PairSearch(surface, lobatto(6)[0]).find(rest, ahead=False)
+    assert set(pairs.point) >= set(range(6, 12))
+    np.testing.assert_allclose(pairs.gap, -0.01, rtol=1e-12)
+
+
 def test_what_energy_needs_is_found_without_looking_ahead() -> None:
     surface = fold()
     search = PairSearch(surface, lobatto(6)[0])

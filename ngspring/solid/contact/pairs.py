@@ -61,7 +61,7 @@ class Pairs:
         """Some of them."""
         return Pairs(*(getattr(self, part.name)[chosen] for part in fields(self)))
 
-    def and_(self, others: Pairs) -> Pairs:
+    def joined(self, others: Pairs) -> Pairs:
         """These, then others."""
         both = ((getattr(pairs, part.name) for pairs in (self, others)) for part in fields(self))
         return Pairs(*(np.concatenate(list(parts)) for parts in both))
@@ -105,17 +105,20 @@ class PairSearch:
         normals = _unit(outward(surface.slopes_at(positions, self.s))).reshape(-1, 2)
         lengths = np.linalg.norm(np.diff(positions[surface.nodes[:, ::2]], axis=1)[:, 0], axis=1)
         reach = 2.0 * lengths.max()
-        turns = self._turns(positions)
+        ends = surface.slopes_at(positions, np.array([0.0, 1.0]))
+        turns = self._turns(ends)
         point, edge, s = self._inside(positions, points, normals, lengths)
+        at_kinks = self._at_kinks(positions, points[point], point, edge, turns, ends)
         if ahead:
             near = self._ahead(positions, points, normals, reach)
             pairs = zip((point, edge, s), near, strict=True)
             point, edge, s = (np.concatenate(part) for part in pairs)
-        at_kinks = self._at_kinks(positions, points, point, edge, turns)
         s, gap, normal, converged = self._feet(positions, points[point], edge, s)
         limit = np.where(self.surface.open_ends, _OPEN_OVERHANG, _ROUNDING)[edge]
         on_edges = converged & (s >= -limit[:, 0]) & (s <= 1 + limit[:, 1])
-        found = Pairs(point, edge, s, gap, normal, np.zeros(len(s), bool))[on_edges].and_(at_kinks)
+        found = Pairs(point, edge, s, gap, normal, np.zeros(len(s), bool))[on_edges].joined(
+            at_kinks
+        )
         seen = (found.normal * normals[found.point]).sum(1) < _OPPOSED
         seen &= found.gap > -self._deepest(found.point, found.edge)
         seen &= found.gap < (reach if ahead else 0.0)
@@ -144,25 +147,26 @@ class PairSearch:
     def _at_kinks(
         self,
         positions: FloatArray,
-        points: FloatArray,
+        places: FloatArray,
         point: IntArray,
         edge: IntArray,
         turns: FloatArray,
+        ends: FloatArray,
     ) -> Pairs:
         """Points beyond the one and before the other edge of a concave kink: they are inside it.
 
         There the surface is as far as the kink, in every direction: so the distance and its
         derivative do not jump when a point slides from one edge to the next.
         """
-        point, kink = np.tile(point, 2), self._kinks[edge].T.ravel()
-        concave = (kink >= 0) & (turns[kink] < 0.0)
-        point, kink = point[concave], kink[concave]
+        kink = self._kinks[edge]
+        # The last one is for ends that meet no other edge.
+        pair, end = np.nonzero(np.append(turns < 0.0, False)[kink])
+        kink = kink[pair, end]
         edge, after = self._before[kink], self._after[kink]
-        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
-        away = points[point] - positions[self.surface.nodes[edge, 2]]
+        away = places[pair] - positions[self.surface.nodes[edge, 2]]
         between = (away * ends[edge, 1]).sum(1) > 0.0
         between &= (away * ends[after, 0]).sum(1) < 0.0
-        point, edge, away = point[between], edge[between], away[between]
+        point, edge, away = point[pair[between]], edge[between], away[between]
         gap, one = -np.linalg.norm(away, axis=1), np.ones(len(point))
         return Pairs(point, edge, one, gap, -_unit(away), one.astype(bool))
 
@@ -185,9 +189,9 @@ class PairSearch:
         s, gap, normal, converged = self._feet(positions, points[point], edge, begin)
         nearer = converged & (s >= 0.0) & (s <= 1.0) & (gap > pairs.gap[asked])
         others = Pairs(point, edge, s, gap, normal, np.zeros(len(s), bool))[nearer]
-        kept = np.ones(len(pairs.gap), bool)
-        kept[asked[nearer]] = False
-        return pairs[kept].and_(others)
+        number = np.arange(len(pairs.gap))
+        number[asked[nearer]] = len(number) + np.arange(len(others.gap))
+        return pairs.joined(others)[number]
 
     def _deepest(self, point: IntArray, edge: IntArray) -> FloatArray:
         """How far a point can be inside: skeletons of both sides do not cross."""
@@ -236,12 +240,12 @@ class PairSearch:
         s = along / np.maximum((chord[edge] ** 2).sum(1), 1e-300)
         return point, edge, np.clip(s, 0.0, 1.0)
 
-    def _turns(self, positions: FloatArray) -> FloatArray:
+    def _turns(self, ends: FloatArray) -> FloatArray:
         """Angle in rad by which the surface turns where two edges meet, positive if convex.
 
-        Nearly a half turn is a fold that has closed on itself, not a needle.
+        Nearly a half turn is a fold that has closed on itself, not a needle. ``ends`` are the
+        edges' slopes at their two ends.
         """
-        ends = self.surface.slopes_at(positions, np.array([0.0, 1.0]))
         t, after = ends[self._before, 1], ends[self._after, 0]
         cross = t[:, 0] * after[:, 1] - t[:, 1] * after[:, 0]
         angle = np.arctan2(cross, (t * after).sum(1))
