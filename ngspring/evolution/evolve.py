@@ -347,9 +347,8 @@ class Evolution:
 
     def _past(self) -> Past:
         rows = self._on_this_stage()
-        searches = max(1, self._searches)
         in_vain = self._in_vain(rows)
-        return Past(self._state, self._previous, rows, self._rejected, in_vain, searches)
+        return Past(self._state, self._previous, rows, self._rejected, in_vain, self._searches)
 
     def _in_vain(self, rows: list[Row]) -> bool:
         """Whether the end was due after one of the updates since the last start, and failed."""

@@ -37,7 +37,7 @@ class Past:
         to where a stationary point has just vanished, Newton's method wanders, and an update that
         is stopped early passes for one without going anywhere.
     searches : int
-        How many attempts with a smaller dt have been due since the end failed; 1 if it has not.
+        How many attempts with a smaller dt have been due since the end failed; 0 if it has not.
     """
 
     state: State
@@ -45,7 +45,7 @@ class Past:
     rows: Rows
     rejected: int = 0
     exact: bool = False
-    searches: int = 1
+    searches: int = 0
 
     def newton(self, settings: NewtonSettings) -> NewtonSettings:
         """How far updates on the way are iterated, if it is so far otherwise."""

@@ -71,9 +71,9 @@ class StepRule:
             return dt * self.easy_growth
         return dt * self.growth if iterations < self.few else dt
 
-    def shrunk(self, dt: float, searches: int = 1) -> float:
-        """Next dt after a failed update, the n-th of a search."""
-        return dt / self.shrink ** (searches if self.search else 1)
+    def shrunk(self, dt: float, searches: int = 0) -> float:
+        """Next dt after a failed update, the n-th since the end failed; 0 if it has not."""
+        return dt / self.shrink ** (max(1, searches) if self.search else 1)
 
 
 PAPER_RULE = StepRule(easy=0, rest=np.inf, search=False)
