@@ -210,10 +210,10 @@ class History:
 
     @classmethod
     def from_rows(cls, rows: Sequence[Row] | Sequence[Mapping[str, float]]) -> History:
-        """Table of rows that all have the same columns."""
+        """Table of rows; a term that is not asked for on all meshes is 0 where it is not."""
         tables = [row.columns if isinstance(row, Row) else row for row in rows]
-        columns = tuple(tables[0])
-        return cls(columns, np.array([[row[name] for name in columns] for row in tables]))
+        columns = tuple(max(tables, key=len))
+        return cls(columns, np.array([[row.get(name, 0.0) for name in columns] for row in tables]))
 
     @property
     def parts(self) -> dict[str, NDArray[Any]]:

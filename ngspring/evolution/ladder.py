@@ -5,6 +5,9 @@ interfaces on a coarse mesh, where an iteration costs a fraction; the mesh that 
 sharpens them. Each coarse mesh (rung) is left as soon as dt says that its design has found its
 shape. The next one starts from that design, loaded from rest, and decides by itself what becomes of
 it: the end is a stationary point of the problem that was asked for, whatever led there.
+
+A smallest wall or gap is asked for on the last mesh only. What has no shape yet is all grey, which
+both push to one side or the other before the forces have told them which.
 """
 
 from __future__ import annotations
@@ -74,7 +77,8 @@ class Ladder:
         # The symmetry axes are mesh lines: even numbers only.
         counts = (2 * round(problem.elements / 2 ** (k + 1)) for k in range(1, self.halvings + 1))
         coarse = itertools.takewhile(lambda count: count >= smallest, counts)
-        return (*(on_mesh(problem, count)[0] for count in reversed(list(coarse))), problem)
+        anyhow = problem.replace(wall=0.0, gap=0.0, k_w=0.0)
+        return (*(on_mesh(anyhow, count)[0] for count in reversed(list(coarse))), problem)
 
 
 #: No coarse meshes: the paper's way.

@@ -90,7 +90,7 @@ class CompoundState:
         chi, *fields = self.space.TrialFunction()
         form = ng.BilinearForm(self.space, symmetric=True)
         for term in TERMS:
-            if not term.of_u:
+            if not term.of_u and term.active(problem):
                 density = term.density(design_fields(chi), problem)
                 form += ng.Variation(measure(problem) * density * dx())
         for point, u, lam in zip(problem.control_points, fields[::2], fields[1::2], strict=True):

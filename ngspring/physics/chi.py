@@ -89,10 +89,15 @@ def _excess_ramp(chi: Field, problem: SpringProblem) -> tuple[float, Field]:
     return problem.E_0 / ratio, 1 / (1 + (1 + problem.p) * ratio * _decay(chi))
 
 
+def smooth_step(t: Field) -> Field:
+    """0 for t < 0, 1 for t > 1, and between them of degree 5, with two derivatives (Eq. 15)."""
+    t = _ramp(t)
+    return t * t * t * (10 + t * (6 * t - 15))
+
+
 def void_indicator(chi: Field) -> Field:
     """I(chi), Eq. 15: smooth step from 0 for chi > -5 to 1 for chi < -6."""
-    t = _ramp(-5 - chi)
-    return t * t * t * (10 + t * (6 * t - 15))
+    return smooth_step(-5 - chi)
 
 
 def void_indicator_derivatives(chi: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -181,7 +181,7 @@ class DesignForm:
             result += ng.Variation((per_area * sum(densities, ng.CF(0.0))).Compile() * dx())
             return result
 
-        of_design = [term for term in terms if not term.of_u]
+        of_design = [term for term in terms if not term.of_u and term.active(problem)]
         densities = {term.name: term.density(fields, problem) for term in of_design}
         self.terms = {name: form(density) for name, density in densities.items()}
         fixed = [term.name for term in of_design if term.quadratic]

@@ -87,6 +87,9 @@ def annotated_toml(
         lines.append(_line("stretch_limit", problem.stretch_limit, "of the largest stretch"))
     if problem.energy_limit:
         lines.append(_line("energy_limit", problem.energy_limit, "of the strain energy density"))
+    for key in ("wall", "gap"):
+        if getattr(problem, key):
+            lines.append(_line(key, getattr(problem, key), f"smallest {key}"))
     lines += [
         "",
         *_stiffness(problem, described or {}),

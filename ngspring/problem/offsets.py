@@ -2,9 +2,8 @@
 
 A surface that lies o mm further out is chi + 8 o / l_i, as far as chi has the slope 8 / l_i that
 the formulation allows (Eq. 11). A spring whose eroded and dilated twins carry nearly the same is
-one that manufacturing errors change little, has no wall that erosion would cut, and no gap that
-dilation would close. One that carries nearly the same with an imperfection that breaks its
-symmetries does not buckle.
+one that manufacturing errors change little. One that carries nearly the same with an imperfection
+that breaks its symmetries does not buckle.
 """
 
 from __future__ import annotations
@@ -22,12 +21,10 @@ from ngspring.problem.point import ControlPoint
 #: the design itself comes first: one that is off by 4 %, as wide as the band of a paper's spring,
 #: moves its target by less than 0.1 %. Large against the material: a band has to be worth it.
 SHARE_ROBUST = 1e-2
-#: The same for a wall or a gap, which only has to be there.
-SHARE_WALL = 1e-4
 #: The same of one with an imperfection: a spring that buckles misses by much.
 SHARE_IMPERFECT = 1e-3
 #: The keys of a problem's TOML file, in mm; and the one that says what kind the imperfection is of.
-OFFSET_KEYS = ("robust", "wall", "gap", "imperfection")
+OFFSET_KEYS = ("robust", "imperfection")
 ODD_KEY = "imperfection_odd_in"
 
 
@@ -36,8 +33,6 @@ def with_offsets(
     l_i: float,
     *,
     robust: float | None = None,
-    wall: float | None = None,
-    gap: float | None = None,
     imperfection: float | None = None,
     odd_in: str | None = None,
     axis: bool = False,
@@ -52,10 +47,6 @@ def with_offsets(
         Interface width of the problem in mm.
     robust : float, optional
         Every target with its surfaces this many mm further in, and further out.
-    wall : float, optional
-        Smallest wall in mm: the outermost targets with surfaces half of it further in.
-    gap : float, optional
-        Smallest gap in mm: the outermost targets with surfaces half of it further out.
     imperfection : float, optional
         The outermost target in compression (in tension, if there is none) with surfaces moved by
         up to this many mm, in a pattern that breaks symmetries.
@@ -96,10 +87,6 @@ def with_offsets(
         size = positive_number("robust", robust)
         for offset in (-size, size):
             add(own, offset, SHARE_ROBUST)
-    if wall is not None:
-        add(outermost, -positive_number("wall", wall) / 2, SHARE_WALL)
-    if gap is not None:
-        add(outermost, positive_number("gap", gap) / 2, SHARE_WALL)
     if imperfection is not None:
         size = positive_number("imperfection", imperfection)
         kind = choice(ODD_KEY, odd_in or usual_odd_in(axis), ODD_IN)
@@ -108,8 +95,7 @@ def with_offsets(
         if point.place in wanted:
             raise ProblemError(
                 f"the control point with {point.words} is given, and"
-                f" asked for by {', '.join(OFFSET_KEYS[:-1])} or {OFFSET_KEYS[-1]}: leave one of"
-                " them out"
+                f" asked for by {' or '.join(OFFSET_KEYS)}: leave one of them out"
             )
     return (*given, *wanted.values())
 

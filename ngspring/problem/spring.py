@@ -36,6 +36,8 @@ LARGEST_STRETCH = 100.0
 #: k_s over k_rho, unless it is given. With n = 6 a strain whose relief is worth its own material is
 #: (k_rho / (k_s rho^6))^(1/5) beyond the limit: 1.5 % at the solid's surface, where rho is 1/2.
 STRAINS = 1e11
+#: The same of k_w: a wall that costs its own material is (k_rho / k_w)^(1/2) = 1 % too thin.
+THICKNESS = 1e4
 #: How far a number, and a weight of the objective, may be from what fits the spring's size.
 FARTHEST, HEAVIEST = 1e12, 1e60
 
@@ -89,6 +91,11 @@ class SpringProblem:
         Largest strain energy density that it should have, in MPa; 0 for none.
     k_s : float
         Weight of strains beyond these limits; `STRAINS` times k_rho by default, if there is one.
+    wall, gap : float
+        Smallest wall and smallest gap in mm that the design should have; 0 for none.
+    k_w : float
+        Weight of walls and gaps that are thinner; `THICKNESS` times k_rho by default, if there is
+        a smallest one.
     material : Law, optional
         Another law than the paper's, see `ngspring.problem.laws`.
 
@@ -122,6 +129,9 @@ class SpringProblem:
     stretch_limit: float = 0.0
     energy_limit: float = quantity(0.0, stress=1)
     k_s: float = quantity(0.0, volume=-1, weighs="strains beyond their limit")
+    wall: float = quantity(0.0, length=1)
+    gap: float = quantity(0.0, length=1)
+    k_w: float = quantity(0.0, volume=-1, weighs="walls and gaps that are too thin")
     material: Law | None = None
 
     def __post_init__(self) -> None:
@@ -130,6 +140,7 @@ class SpringProblem:
         self._check_elements()
         self._check_numbers()
         self._check_limits()
+        self._check_thickness()
         self._check_control_points()
         self._check_sizes()
 
@@ -191,6 +202,17 @@ class SpringProblem:
             if not self.k_rho:
                 raise ProblemError("k_s is needed for a limit of strains where k_rho is 0")
             object.__setattr__(self, "k_s", STRAINS * self.k_rho)
+
+    def _check_thickness(self) -> None:
+        for field in ("wall", "gap"):
+            object.__setattr__(self, field, finite_number(field, getattr(self, field)))
+            if not 0.0 <= getattr(self, field) < min(self.L, self.H):
+                right = "positive and smaller than L and H, or 0 for none"
+                raise refused(field, getattr(self, field), right)
+        if (self.wall or self.gap) and not self.k_w:
+            if not self.k_rho:
+                raise ProblemError("k_w is needed for a smallest wall or gap where k_rho is 0")
+            object.__setattr__(self, "k_w", THICKNESS * self.k_rho)
 
     def _check_control_points(self) -> None:
         given: object = self.control_points
@@ -320,7 +342,7 @@ class SpringProblem:
         Parameters
         ----------
         **offsets
-            ``robust``, ``wall``, ``gap``, ``imperfection`` in mm, and ``odd_in``, see
+            ``robust`` and ``imperfection`` in mm, and ``odd_in``, see
             `ngspring.problem.offsets.with_offsets`.
 
         Raises

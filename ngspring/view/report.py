@@ -203,6 +203,9 @@ def _quantities(problem: SpringProblem, info: Mapping[str, object]) -> list[tupl
         rows.append(("limit of the largest stretch", f"{problem.stretch_limit:g}"))
     if problem.energy_limit:
         rows.append(("limit of the strain energy density", f"{problem.energy_limit:g} MPa"))
+    for key in ("wall", "gap"):
+        if getattr(problem, key):
+            rows.append((f"smallest {key}", f"{getattr(problem, key):g} mm"))
     if problem.motion.thick:
         rows.append(("thickness T", f"{problem.T:g} mm"))
     rows += [

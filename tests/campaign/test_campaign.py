@@ -201,7 +201,7 @@ BAD = {
     f"{C4}max_updates = 1.5": "max_updates = 1.5",
     f'{C4}robust = "no"': "true or false",
     f"{C4}offsets = 3": "offsets = 3",
-    f"{C4}offsets = {{gap = 0}}": "gap = 0",
+    f"{C4}offsets = {{robust = 0}}": "robust = 0",
     f"{C4}offsets = {{gaps = 0.2}}": "did you mean 'gap'?",
     f'{C4}offsets = {{imperfection_odd_in = "x"}}': "without imperfection",
     f"{C4}changes = 3": "changes = 3",

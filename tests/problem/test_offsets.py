@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ngspring import ControlPoint, ProblemError, SpringProblem
-from ngspring.problem.offsets import SHARE_ROBUST, SHARE_WALL, with_offsets
+from ngspring.problem.offsets import SHARE_ROBUST, with_offsets
 
 POINTS = (ControlPoint(10, 2, 3.0), ControlPoint(-10, -2, 3.0), ControlPoint(-20, -4, 3.0))
 
@@ -22,24 +22,10 @@ def test_robust_adds_both_twins_of_every_target() -> None:
     assert [point.q for point in found[3:]] == [2.0, -2.0, -4.0] * 2
 
 
-def test_a_wall_erodes_and_a_gap_dilates_the_outermost_targets() -> None:
-    found = with_offsets(POINTS, 1.0, wall=2.0, gap=0.8)
-    assert etas(found[3:]) == [(10.0, -8.0), (-20.0, -8.0), (10.0, 3.2), (-20.0, 3.2)]
-    assert {point.weight for point in found[3:]} == {3.0 * SHARE_WALL}
-
-
-def test_the_same_twin_is_added_once() -> None:
-    found = with_offsets(POINTS, 1.0, robust=0.4, gap=0.8)
-    assert len(etas(found)) == len(set(etas(found))) == 9
-    # The larger weight, of the first that asked for it, stays.
-    twin = next(point for point in found if (point.d, point.eta) == (10.0, 3.2))
-    assert twin.weight == 3.0 * SHARE_ROBUST
-
-
 def test_one_line_of_a_file_does_it_with_its_own_interface() -> None:
     text = SpringProblem(POINTS, l_i=2.0).to_toml()
-    read = SpringProblem.from_toml("robust = 0.2\nwall = 2\n" + text)
-    assert read.control_points == with_offsets(POINTS, 2.0, robust=0.2, wall=2.0)
+    read = SpringProblem.from_toml("robust = 0.2\nimperfection = 0.1\n" + text)
+    assert read.control_points == with_offsets(POINTS, 2.0, robust=0.2, imperfection=0.1)
     # What is written holds the points themselves.
     assert SpringProblem.from_toml(read.to_toml()) == read
 
@@ -48,7 +34,7 @@ def test_without_them_nothing_is_added() -> None:
     assert with_offsets(POINTS, 1.0) == POINTS
 
 
-@pytest.mark.parametrize("key", ["robust", "wall", "gap"])
+@pytest.mark.parametrize("key", ["robust", "imperfection"])
 @pytest.mark.parametrize("value", ["0", "-1.0", "nan", '"thick"', "true"])
 def test_a_length_that_is_none_is_refused(key: str, value: str) -> None:
     with pytest.raises(ProblemError, match=key):
