@@ -38,6 +38,8 @@ from ngspring.view.limits import LimitedDesign, limits_figure
 OFFSET = 0.2
 #: A design whose forces are further from its targets, as a share, is another spring.
 MET = 1e-3
+#: What else a design may be asked for.
+ASKED = ("limit", "wall", "gap")
 #: The cases with a run with `robust`; a design without a limit is the plain one beside it.
 ROBUST = ("C4", "C7", "T3", "A3")
 
@@ -49,6 +51,8 @@ def outcome(design: Design) -> dict[str, Any]:
     return {
         "case": problem.name,
         "limit": problem.stretch_limit or None,
+        "wall": problem.wall or None,
+        "gap": problem.gap or None,
         "offsets": sorted(offsets),
         "converged": bool(design.info.get("converged", False)),
         "updates": 0 if history is None else len(history) - 1,
@@ -90,7 +94,8 @@ def with_bands(design: Design, threads: int | None) -> dict[str, Any]:
 def computed(design: Design, known: Mapping[str, Any], threads: int | None) -> dict[str, Any]:
     """What takes the solid of a run of which this `outcome` is known."""
     body, offsets = mesh_body(design), set(known["offsets"])
-    if known["case"] in ROBUST and not known["limit"] and offsets <= {-OFFSET, OFFSET}:
+    bare = not any(known[key] for key in ASKED)
+    if known["case"] in ROBUST and bare and offsets <= {-OFFSET, OFFSET}:
         return {**walls(body), **with_bands(design, threads)}
     controls = [point.d for point in design.problem.control_points if point.own]
     curve = contact_load_displacement(body, controls, threads=threads)
@@ -120,7 +125,8 @@ def by_case(known: dict[str, Any]) -> dict[str, list[LimitedDesign]]:
     cases: dict[str, list[LimitedDesign]] = {}
     for found in known.values():
         met = found["converged"] and abs(found["deviation"]) < MET
-        if met and found["stretch_measure"] and not found["offsets"]:
+        of_limit = not (found["offsets"] or found["wall"] or found["gap"])
+        if met and found["stretch_measure"] and of_limit:
             design = LimitedDesign(found["limit"], found["stretch_measure"], found["width"])
             cases.setdefault(found["case"], []).append(design)
     return {case: designs for case, designs in cases.items() if any(d.limit for d in designs)}

@@ -316,17 +316,18 @@ def bands_table() -> str:
 
 def asked(found: dict[str, Any]) -> str:
     """The wall and the gap that a design was asked for, in the words of a problem's file."""
-    kinds = (("wall" if offset < 0 else "gap", 2 * abs(offset)) for offset in found["offsets"])
+    kinds = [(kind, found[kind]) for kind in ("wall", "gap") if found[kind]]
     return ", ".join(f"{kind} = {size:g}" for kind, size in kinds) or "nothing"
 
 
 def walls_table() -> str:
     """Every design with a wall or a gap, below the one of its case without."""
-    stored = read("limits")
-    asking = {name: f for name, f in stored.items() if name.split("-")[1] in ("wall", "gap")}
-    cases = {found["case"] for found in asking.values()}
-    plain = [f for f in stored.values() if f["case"] in cases and not (f["limit"] or f["offsets"])]
-    chosen = sorted([*plain, *asking.values()], key=lambda f: (f["case"], f["offsets"]))
+    stored = [f for f in read("limits").values() if not (f["limit"] or f["offsets"])]
+    cases = {found["case"] for found in stored if found["wall"] or found["gap"]}
+    chosen = sorted(
+        (f for f in stored if f["case"] in cases),
+        key=lambda f: (f["case"], f["wall"] or 0.0, f["gap"] or 0.0),
+    )
     rows = [
         (
             found["case"],

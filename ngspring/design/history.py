@@ -212,7 +212,7 @@ class History:
     def from_rows(cls, rows: Sequence[Row] | Sequence[Mapping[str, float]]) -> History:
         """Table of rows; a term that is not asked for on all meshes is 0 where it is not."""
         tables = [row.columns if isinstance(row, Row) else row for row in rows]
-        columns = tuple(max(tables, key=len))
+        columns = max((tuple(table) for table in tables), key=len)
         return cls(columns, np.array([[row.get(name, 0.0) for name in columns] for row in tables]))
 
     @property

@@ -79,8 +79,8 @@ def test_the_change_of_a_band_is_that_of_its_width() -> None:
 
 def test_walls_and_gaps_are_named_as_in_a_problems_file() -> None:
     asked = script("results_page").asked
-    assert asked({"offsets": [-1.0, 0.4]}) == "wall = 2, gap = 0.8"
-    assert asked({"offsets": []}) == "nothing"
+    assert asked({"wall": 2.0, "gap": 0.8}) == "wall = 2, gap = 0.8"
+    assert asked({"wall": None, "gap": None}) == "nothing"
 
 
 def test_a_run_is_evaluated_once_and_one_without_a_solid_not_at_all(

@@ -23,7 +23,7 @@ def thickness_terms(problem: SpringProblem, design: Design) -> tuple[float, floa
 
 
 def bar(width: float, sign: float = 1.0) -> Design:
-    """A wall (or with sign = -1 a gap) of this width in the middle of the domain, from side to side.
+    """A wall (or with sign = -1 a gap) of this width, from side to side of the domain.
 
     chi falls with its largest slope from the middle line, whose kink is rounded.
     """
