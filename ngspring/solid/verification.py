@@ -40,6 +40,8 @@ logger = logging.getLogger(__name__)
 
 #: A deviation of more than this (of the third medium's force) is worth a sentence.
 REMARKABLE = 0.05
+#: A wall or a gap that is thinner than asked for by more than this share is remarked upon.
+THINNER = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +174,13 @@ class Verification:
                 " more elements and a smaller l_i before making the part."
             )
         problem = self.design.problem
+        for kind, size in (("wall", self.smallest_wall), ("gap", self.smallest_gap)):
+            wanted = getattr(problem, kind)
+            if size < (1 - THINNER) * wanted:
+                found.append(
+                    f"The smallest {kind} ({size:.3g} mm) is thinner than asked for"
+                    f" ({kind} = {wanted:g} mm)."
+                )
         unstable = instability(problem.law, self.stretch_measure, problem.motion)
         return (*found, unstable) if unstable else tuple(found)
 

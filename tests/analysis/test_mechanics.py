@@ -53,6 +53,7 @@ INDEPENDENT = {
 }
 
 
+@pytest.mark.long
 def test_reaction_forces_of_an_independent_code(kinematics: str) -> None:
     expected = INDEPENDENT[kinematics]
     problem = make(kinematics, elements=40)
@@ -232,6 +233,7 @@ def test_tension_opens_a_slit_without_force() -> None:
 # -- paths that end, and arguments ---------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_path_that_cannot_be_followed_returns_what_it_reached(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -200,6 +200,7 @@ def test_lowest_eigenvalues_are_those_of_the_dense_matrices(solver: str) -> None
     assert seen[-1] > seen[1] >= 1
 
 
+@pytest.mark.long
 def test_a_failing_third_medium_is_not_the_springs_buckling() -> None:
     # Two stout legs carry the load; between them stands a slender strip of grey.
     problem = SpringProblem((ControlPoint(-4.0, -1.0),), elements=12, L=60.0, k_r=1e-10)
@@ -227,6 +228,7 @@ def test_a_failing_third_medium_is_not_the_springs_buckling() -> None:
 # -- paths that end, arguments, command ----------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_path_that_ends_is_reported() -> None:
     problem = SpringProblem((ControlPoint(-10.0, 1.0),), elements=8)
     design = Design(problem, rough_coefficients(problem))

@@ -156,6 +156,7 @@ def test_what_is_no_states_file_is_refused_in_one_line(
 # -- stored or computed ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_what_is_stored_is_shown_and_not_computed_again(
     folder: Path, responses: dict[float, Response], design: Design
 ) -> None:
@@ -168,6 +169,7 @@ def test_what_is_stored_is_shown_and_not_computed_again(
     assert significant(2 * q, 6) in after
 
 
+@pytest.mark.long
 def test_show_prints_the_same_whether_it_is_stored_or_not(folder: Path) -> None:
     stored = invoke("show", folder, "--threads", 1)
     (folder / STATES_FILE).unlink()
@@ -210,6 +212,7 @@ def test_a_folder_or_a_pipe_of_that_name_is_no_obstacle(tmp_path: Path, design: 
     assert responses_in(tmp_path / "nowhere", design) is None
 
 
+@pytest.mark.long
 def test_showing_a_stored_design_does_not_import_ngsolve(tmp_path: Path) -> None:
     code = (
         "import sys; from ngspring.cli.main import cli\n"

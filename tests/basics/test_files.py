@@ -120,6 +120,7 @@ def test_a_truncated_design_file_is_refused(content: bytes, scratch: Path, share
     refusal(scratch)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=300)
 @given(
     places=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=4),
@@ -374,6 +375,7 @@ def test_a_file_of_exactly_the_limit_is_read(tmp_path: Path) -> None:
         read_bounded(tmp_path / "x", 4)
 
 
+@pytest.mark.long
 def test_an_archive_that_unpacks_to_too_much_is_not_unpacked(path: Path) -> None:
     archive = zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED)
     with archive, archive.open("bomb.npy", "w", force_zip64=True) as file:

@@ -151,6 +151,7 @@ def test_expansion_keeps_every_value(changes: dict[str, list[float]]) -> None:
     assert len(runs) == len({run.name for run in runs}) == count
 
 
+@pytest.mark.long
 @settings(max_examples=200)
 @given(st.text(max_size=60))
 def test_any_text_is_a_campaign_or_one_line(text: str) -> None:
@@ -202,7 +203,7 @@ BAD = {
     f'{C4}robust = "no"': "true or false",
     f"{C4}offsets = 3": "offsets = 3",
     f"{C4}offsets = {{robust = 0}}": "robust = 0",
-    f"{C4}offsets = {{gaps = 0.2}}": "did you mean 'gap'?",
+    f"{C4}offsets = {{robus = 0.2}}": "did you mean 'robust'?",
     f'{C4}offsets = {{imperfection_odd_in = "x"}}': "without imperfection",
     f"{C4}changes = 3": "changes = 3",
     f"{C4}changes = {{k_roh = 1e-8}}": "did you mean 'k_rho'?",
@@ -268,6 +269,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(p): p.read_bytes() for p in folder.rglob("*.*") if p.name != ".lock"}
 
 
+@pytest.mark.long
 def test_a_campaign_with_failing_killed_and_continued_runs(tmp_path: Path) -> None:
     campaign = Campaign(
         (
@@ -343,6 +345,7 @@ def test_a_campaign_with_failing_killed_and_continued_runs(tmp_path: Path) -> No
 
 
 # Ctrl-C goes to the whole group, as from a terminal; `kill` to the campaign's process alone.
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 @pytest.mark.parametrize("interrupt", ["ctrl-c", "kill"])
 def test_an_interrupt_stops_every_worker_and_says_how_to_resume(
@@ -387,6 +390,7 @@ def test_an_interrupt_stops_every_worker_and_says_how_to_resume(
     assert not (out / "results.csv").exists()
 
 
+@pytest.mark.long
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("own.toml").write_text(TINY.to_toml())
@@ -406,6 +410,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "holds an unfinished run from column, not from random, seed 0" in result.stdout
 
 
+@pytest.mark.long
 def test_a_converged_run_that_hangs_on_grey_is_no_success(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -431,6 +436,7 @@ def fail_with(error: BaseException) -> Callable[..., None]:
     return fail
 
 
+@pytest.mark.long
 def test_a_full_disk_is_the_message_and_the_run_goes_on_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

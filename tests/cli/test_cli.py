@@ -162,6 +162,7 @@ def test_a_finished_run_is_not_overwritten(finished: SimpleNamespace) -> None:
     assert (finished.folder / "design.npz").read_bytes() == before
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("empty_figures")
 def test_a_design_that_hangs_on_grey_is_no_success(tmp_path: Path) -> None:
     """A target far softer than any strut of the mesh: converged, on grey material."""
@@ -182,6 +183,7 @@ def test_a_design_that_hangs_on_grey_is_no_success(tmp_path: Path) -> None:
     assert "through grey" in invoke("show", tmp_path / "run", "--threads", 1).stderr
 
 
+@pytest.mark.long
 def test_resume_of_a_finished_run_draws_the_pictures_again(
     finished: SimpleNamespace, copy: Path
 ) -> None:
@@ -224,6 +226,7 @@ def test_max_updates_is_success_and_says_so(finished: SimpleNamespace, tmp_path:
     assert Design.load(out / "design.npz").info["start"] == "random, seed 3"
 
 
+@pytest.mark.long
 def test_no_convergence_is_code_3_with_pictures(
     finished: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -245,6 +248,7 @@ def test_no_convergence_is_code_3_with_pictures(
     assert (out / "design.png").exists()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 @pytest.mark.parametrize("interrupt", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.usefixtures("plain_pictures")
@@ -362,6 +366,7 @@ def test_response_default_range_and_domain(copy: Path, tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {"response-custom.csv", "response-custom.png"}
 
 
+@pytest.mark.long
 def test_response_that_ends_early(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import ngspring.analysis.forward as forward
 
@@ -432,6 +437,7 @@ def test_check_does_not_judge_robust_control_points(copy: Path, tmp_path: Path) 
     assert "passes" in out
 
 
+@pytest.mark.long
 def test_check_gallery_by_name(copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ngspring.design.gallery import gallery
 
@@ -455,6 +461,7 @@ def test_bench() -> None:
     assert "peak memory" in out
 
 
+@pytest.mark.long
 def test_bench_of_a_run_says_where_the_time_went_and_keeps_nothing(tmp_path: Path) -> None:
     options = ("--run", "c7", "--elements", 8, "--max-updates", 1, "--threads", 1)
     out = invoke("bench", *options).stdout
@@ -467,6 +474,7 @@ def test_bench_of_a_run_says_where_the_time_went_and_keeps_nothing(tmp_path: Pat
 NAMES = ("$x^{$", "costs $5, $\\\\frac$ \\\\$", "漢字 😀", "x" * 200)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_any_name_goes_through_a_whole_run(name: str, tmp_path: Path) -> None:
     """No mathematics is looked for, no picture is lost, and no warning of a font reaches stderr."""

@@ -15,6 +15,7 @@ UNIAXIAL, PLANAR = DATA / "treloar-uniaxial.csv", DATA / "treloar-planar.csv"
 POINT = "[[control_points]]\nd = 10\nq = 0.5\n"
 
 
+@pytest.mark.long
 def test_a_law_goes_from_tests_into_a_problem(tmp_path: Path) -> None:
     out = tmp_path / "material.toml"
     command = ("fit", UNIAXIAL, "--planar", PLANAR, "--law", "yeoh", "--stretches", "1.05,3")
@@ -35,6 +36,7 @@ def test_a_law_goes_from_tests_into_a_problem(tmp_path: Path) -> None:
     assert SpringProblem.from_toml(tmp_path / "made.toml").law == law
 
 
+@pytest.mark.long
 def test_laws_are_compared(tmp_path: Path) -> None:
     picture = tmp_path / "all.svg"
     result = invoke("fit", DATA / "meunier-silicone.csv", "--law", "all", "--picture", picture)

@@ -93,6 +93,7 @@ VALUES = (
 KEYS = (*(field.name for field in dataclasses.fields(SpringProblem)), *FURTHER_KEYS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("key", KEYS)
 def test_any_value_of_any_key(key: str, home: Path) -> None:
     for value in VALUES:
@@ -128,6 +129,7 @@ TEXTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", ["targets", "optimize", "campaign"])
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS.keys())
 def test_any_text_as_toml(text: str, command: str, home: Path) -> None:
@@ -173,6 +175,7 @@ def test_any_number_in_a_csv_file(number: str, home: Path) -> None:
         complaint("targets", "curve.csv", home=home)
 
 
+@pytest.mark.long
 def test_a_table_is_bounded(home: Path) -> None:
     for text, why in (
         ("d;q\n" + "1;2\n" * 300_000, "more than 300000 lines"),
@@ -216,6 +219,7 @@ DRAWINGS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shapes", "why"), DRAWINGS.values(), ids=DRAWINGS.keys())
 def test_a_drawing_is_bounded(shapes: str, why: str, home: Path) -> None:
     pytest.importorskip("svgelements")
@@ -266,6 +270,7 @@ def with_part(path: Path, parts: Mapping[str, Any], name: str, value: Any) -> No
     np.savez(path, **{**parts, name: value})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "part", ["format", "version", "problem", "coefficients", "info", "history", "history_columns"]
 )
@@ -292,6 +297,7 @@ NOTES = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("note", ["q", "start", "converged", "failed", "falling_directions"])
 def test_any_note_of_a_design(
     note: str, run: Path, home: Path, monkeypatch: pytest.MonkeyPatch
@@ -304,6 +310,7 @@ def test_any_note_of_a_design(
         complaint("watch", "d.npz", "--once", "--out", home.parent / "x.html", home=home)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "part",
     *[["version", "problem", "start", "dt", "state_chi", "state_u", "previous_lam", "history"]],
@@ -385,6 +392,7 @@ def test_any_text_as_a_numeric_option(command: str, option: str, home: Path) -> 
         assert "error" in complaint(command, *args, f"{option}={value}", home=home)
 
 
+@pytest.mark.long
 def test_nothing_takes_the_place_of_a_design(run: Path, home: Path) -> None:
     for name in ("d.npz", "d.html", "d.svg", "d.toml"):
         shutil.copy(run / "design.npz", name)

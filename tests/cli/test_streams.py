@@ -36,6 +36,7 @@ def assert_whole_run(done: subprocess.CompletedProcess[bytes], cwd: Path) -> str
     return said.replace("not converged: stopped after 2 design updates, as asked\n", "")
 
 
+@pytest.mark.long
 def test_a_pipe_that_is_closed_ends_the_printing_and_not_the_run(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -43,6 +44,7 @@ def test_a_pipe_that_is_closed_ends_the_printing_and_not_the_run(tmp_path: Path)
     os.close(writing)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_costs_the_output_and_is_told(tmp_path: Path) -> None:
     with open("/dev/full", "wb") as full:
@@ -50,6 +52,7 @@ def test_a_full_disk_costs_the_output_and_is_told(tmp_path: Path) -> None:
     assert said == "ngspring: warning: output is lost: No space left on device\n"
 
 
+@pytest.mark.long
 def test_streams_that_were_closed_before_it_began_are_no_files_of_the_run(tmp_path: Path) -> None:
     def close() -> None:
         os.close(1)
@@ -60,6 +63,7 @@ def test_streams_that_were_closed_before_it_began_are_no_files_of_the_run(tmp_pa
     assert Design.load(tmp_path / "run" / "design.npz").history is not None
 
 
+@pytest.mark.long
 def test_characters_that_a_terminal_has_not_are_question_marks(tmp_path: Path) -> None:
     plain = {**environment(), "PYTHONIOENCODING": "ascii"}
     done = ngspring(*RUN, cwd=tmp_path, env=plain, stdout=subprocess.PIPE)
@@ -90,6 +94,7 @@ def test_a_signal_while_modules_are_imported_is_one_line(number: str, tmp_path: 
     assert said == b"ngspring: error: interrupted\n"
 
 
+@pytest.mark.long
 def test_a_hang_up_that_is_to_be_ignored_is_ignored(tmp_path: Path) -> None:
     def ignore() -> None:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)

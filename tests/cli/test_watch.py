@@ -523,6 +523,7 @@ def test_a_report_that_cannot_be_written_does_not_end_the_run(
     assert "cannot write" in caplog.text
 
 
+@pytest.mark.long
 def test_optimize_keeps_the_report_up_to_date(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

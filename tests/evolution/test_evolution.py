@@ -426,6 +426,7 @@ def test_c4_is_reached_from_a_random_start() -> None:
     np.testing.assert_allclose(result.q, [2, -2, -4], rtol=1e-3)
 
 
+@pytest.mark.long
 def test_a_converged_saddle_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "falling_directions" not in ngspring.optimize(TINY, threads=1).design.info
     expected = CoupledSystem(TINY).eigenvalues_of_a_minimum

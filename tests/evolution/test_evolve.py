@@ -58,6 +58,7 @@ def test_the_same_evolution_goes_on_where_its_loop_was_left() -> None:
     assert numbers == [0, 1, 2, 3, 4, 5]
 
 
+@pytest.mark.long
 def test_it_ends_by_itself_at_the_stationary_point() -> None:
     evolution = ngspring.evolve(SMALL, threads=1, rule=StepRule())
     *_, last = evolution
@@ -134,6 +135,7 @@ def test_arguments_are_checked_before_anything_is_computed() -> None:
         ngspring.evolve(SMALL.replace(l_i=12.0), resume_from=first.checkpoint)
 
 
+@pytest.mark.long
 def test_a_pause_is_no_end() -> None:
     evolution = ngspring.evolve(SMALL, threads=1, rule=StepRule())
     next(iter(evolution))

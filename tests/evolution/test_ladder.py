@@ -96,6 +96,7 @@ def test_it_ends_at_an_exact_stationary_point_of_what_was_asked_for(
     np.testing.assert_allclose(result.q, [point.q for point in PROBLEM.control_points], rtol=1e-3)
 
 
+@pytest.mark.long
 def test_it_ends_no_higher_than_without_coarse_meshes(
     whole: tuple[Result, list[Update], Path],
 ) -> None:
@@ -156,6 +157,7 @@ def boundary(result: Result) -> int:
     return stages(result.history.rows())[0][-1].update
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("after", [0, 1])
 def test_a_run_that_is_stopped_on_any_mesh_goes_on_to_the_same_design(
     whole: tuple[Result, list[Update], Path], tmp_path: Path, after: int

@@ -143,6 +143,7 @@ def test_a_leap_too_far_is_given_up_for_an_update_over_the_same_dt(
     assert leaping.shrunk(dataclasses.replace(drifting, rejected=2), DT) == DT / 4
 
 
+@pytest.mark.long
 def test_a_run_with_leaps_ends_in_the_same_stationary_point() -> None:
     eager = LeapRule(patience=1, converged=StepRule(growth=1.3, easy=0))
     leapt = ngspring.optimize(ONE, rule=eager, newton=EXACT, threads=1)

@@ -143,6 +143,7 @@ def assert_same_end(result: Result, whole: Result) -> None:
 # -- stopped and continued ------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_run_killed_with_signal_9_is_resumed_to_the_same_design(
     tmp_path: Path, whole: tuple[Result, Path]
 ) -> None:
@@ -161,6 +162,7 @@ def test_a_run_killed_with_signal_9_is_resumed_to_the_same_design(
     assert (folder / HISTORY).read_text() == result.history.to_csv()
 
 
+@pytest.mark.long
 def test_ctrl_c_leaves_the_last_accepted_design_and_a_run_to_resume(
     tmp_path: Path, whole: tuple[Result, Path]
 ) -> None:

@@ -48,6 +48,7 @@ def test_the_stored_forces_fall_where_those_of_a_dome_do(problem: SpringProblem)
         assert -force[point.d] == pytest.approx(point.q, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_stored_curve_is_that_of_the_stored_design(design: Design) -> None:
     told = json.loads((MATERIALS / "results" / "dome.json").read_text())
     stored = dict(zip(told["d"], told["third_medium"], strict=True))

@@ -80,6 +80,7 @@ def test_all_six_notebooks_are_checked() -> None:
     assert [path.stem for path in load_render().scripts()] == sorted(NUMBERS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(NUMBERS))
 def test_notebook_runs_and_its_numbers_are_right(name: str) -> None:
     asked = ", ".join(f"float({expression})" for expression in NUMBERS[name])

@@ -210,6 +210,7 @@ def test_the_overview_shows_every_stored_design(tmp_path: Path, saved: dict[str,
 # -- every script, with stand-ins ------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_families(
     name: str, tmp_path: Path, saved: dict[str, Figure], stand_ins: dict[str, Design]
@@ -367,6 +368,7 @@ def test_fig_15(tmp_path: Path, saved: dict[str, Figure]) -> None:
 # -- post-evaluation -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_fig_12(tmp_path: Path, saved: dict[str, Figure]) -> None:
     numbers = draw("12", arguments(tmp_path))
     assert list(numbers) == ["C1", "C4", "C7", "T2", "T3", "T6"]
@@ -377,6 +379,7 @@ def test_fig_12(tmp_path: Path, saved: dict[str, Figure]) -> None:
     assert tidy(saved["fig12"])
 
 
+@pytest.mark.long
 def test_fig_13_of_the_stored_c4(tmp_path: Path, saved: dict[str, Figure]) -> None:
     more = arguments(tmp_path, "--only", "C4", "--points", "2", "--threads", "1")
     numbers = draw("13", more)["C4"]
@@ -388,6 +391,7 @@ def test_fig_13_of_the_stored_c4(tmp_path: Path, saved: dict[str, Figure]) -> No
     assert [axes.get_title() for axes in saved["fig13"].axes] == ["compression"]
 
 
+@pytest.mark.long
 def test_more_material_makes_c4_stiffer(
     tmp_path: Path, saved: dict[str, Figure], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -408,6 +412,7 @@ def test_the_tables_of_the_results_page_are_those_of_the_stored_designs() -> Non
     assert module.page() == module.PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_stored_verdicts_belong_to_the_stored_designs() -> None:
     stored = script("gallery_results")
     for module, results, designs in (

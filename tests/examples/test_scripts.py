@@ -38,6 +38,7 @@ def has_ink(picture: Path) -> bool:
     return bool(values[..., :3].min() < 0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", ["my_own_spring"], indirect=True)
 def test_my_own_spring_meets_its_targets(script: ModuleType, tmp_path: Path) -> None:
     result = script.main(elements=10, picture=tmp_path / "spring.png")
@@ -45,6 +46,7 @@ def test_my_own_spring_meets_its_targets(script: ModuleType, tmp_path: Path) -> 
     assert has_ink(tmp_path / "spring.png")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", ["from_a_measured_curve"], indirect=True)
 def test_a_measured_curve_becomes_a_spring_that_meets_it(
     script: ModuleType, tmp_path: Path

@@ -148,6 +148,7 @@ def test_the_force_is_an_even_function_of_the_imperfection() -> None:
     np.testing.assert_allclose(orders(far, np.array([0.8, 0.4, 0.2])), 2.0, atol=0.1)
 
 
+@pytest.mark.long
 def test_a_slender_column_that_buckles_carries_less_with_an_imperfection() -> None:
     problem = SpringProblem((ControlPoint(-8.0, -1.0),), elements=20, l_i=4.0)
     column = Design.from_function(problem, lambda x, y: 2.0 * (4.0 - np.abs(x - 50.0)))

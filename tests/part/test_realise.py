@@ -101,12 +101,14 @@ def test_an_observer_is_told_what_each_solid_carries(whole: Result, updates: lis
     assert tuple(told) == corrections_of(whole.design.info)
 
 
+@pytest.mark.long
 def test_the_same_for_axisymmetric_springs() -> None:
     result = ngspring.realise(CYLINDER, settings=SETTINGS, threads=1)
     assert result.message == ""
     assert solid_curve(result.design)[0] == pytest.approx(100.0, rel=0.01)
 
 
+@pytest.mark.long
 def test_the_aim_of_an_offset_design_follows_that_of_the_part() -> None:
     points = (ControlPoint(10, 2), ControlPoint(10, 2.2, weight=1e-3, eta=0.5))
     problem = ONE.replace(control_points=points)
@@ -136,6 +138,7 @@ def uninterrupted() -> Result:
     return ngspring.realise(ONE, settings=SETTINGS, threads=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("where", ["in a correction", "before the solid", "after the solid"])
 def test_a_run_that_was_left_anywhere_ends_in_the_same_part(
     tmp_path: Path, uninterrupted: Result, where: str
@@ -175,6 +178,7 @@ def test_a_finished_part_is_returned_as_it_is(whole: Result, folder: Path) -> No
     np.testing.assert_array_equal(again.design.coefficients, whole.design.coefficients)
 
 
+@pytest.mark.long
 def test_a_smaller_tolerance_goes_on_from_a_finished_part(whole: Result, tmp_path: Path) -> None:
     tighter = PartSettings(tolerance=2e-4)
     again = ngspring.realise(PROBLEM, whole.design, settings=tighter, threads=1)
@@ -187,6 +191,7 @@ def test_a_smaller_tolerance_goes_on_from_a_finished_part(whole: Result, tmp_pat
     np.testing.assert_allclose(solid_curve(again.design), [2, -2], rtol=2.1e-4)
 
 
+@pytest.mark.long
 def test_a_finished_design_is_not_evolved_again_before_its_first_correction() -> None:
     design = ngspring.optimize(ONE, threads=1).design
     result = ngspring.realise(ONE, design, settings=SETTINGS, threads=1)
@@ -267,6 +272,7 @@ def test_the_report_tells_of_corrections_and_of_the_solid(whole: Result, folder:
     assert "third medium: asked [N]" in page
 
 
+@pytest.mark.long
 def test_the_command_makes_a_part_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -282,6 +288,7 @@ def test_the_command_makes_a_part_and_says_so(
     assert "solid q [N]" in invoke("show", "runs/one-part").output
 
 
+@pytest.mark.long
 def test_a_part_that_misses_is_no_success_of_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -53,6 +53,7 @@ def test_all_parts_are_confirmed_when_everything_is_computed_anew() -> None:
     assert "fails" not in invoke("check", "--parts").output
 
 
+@pytest.mark.long
 def test_a_changed_part_is_not_confirmed(tmp_path: Path) -> None:
     problem = ngspring.SpringProblem((ngspring.ControlPoint(10, 2),), elements=8, l_i=10.0)
     part = ngspring.realise(problem, threads=1).design
@@ -67,6 +68,7 @@ def test_a_changed_part_is_not_confirmed(tmp_path: Path) -> None:
     assert "fails" in invoke("check", path, "--threads", "1", code=1).output
 
 
+@pytest.mark.long
 def test_a_campaign_makes_parts_and_takes_finished_ones_as_they_are(tmp_path: Path) -> None:
     problem = ngspring.SpringProblem((ngspring.ControlPoint(10, 2),), elements=8, l_i=10.0)
     (tmp_path / "one.toml").write_text(problem.to_toml())

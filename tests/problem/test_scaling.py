@@ -64,6 +64,7 @@ def in_millimetres() -> dict[str, Result]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("name", SPRINGS)
 def test_a_similar_problem_has_the_same_design_update_by_update(

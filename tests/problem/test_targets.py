@@ -468,6 +468,7 @@ def test_an_error_shows_no_line_of_a_file_that_is_no_curve(secret: str, folder: 
     assert "root" not in message
 
 
+@pytest.mark.long
 def test_a_problem_with_targets_says_what_the_curve_says(folder: Path) -> None:
     up = np.linspace(0.1, 10, 40)
     loop = [

@@ -310,6 +310,7 @@ def test_a_slit_of_a_fifth_of_a_millimetre_stays_open() -> None:
     assert np.ptp(inside[:, 0]) == pytest.approx(10, rel=1e-6)
 
 
+@pytest.mark.long
 @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
 @given(
     seed=st.integers(0, 10**6),

@@ -25,6 +25,7 @@ def published(c_shape: ModuleType, *displacements: float) -> list[float]:
     return [c_shape.PUBLISHED[d] for d in displacements]
 
 
+@pytest.mark.long
 def test_the_lower_arm_rests_until_touched_and_then_goes_as_far_as_published(
     c_shape: ModuleType,
 ) -> None:

@@ -189,6 +189,7 @@ def patch_pressures(mechanics: ContactMechanics) -> tuple[FloatArray, FloatArray
     return pressure[on_faces] / mean, np.array(means) / mean
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sizes", [(1.3, 0.9), (2.0, 0.7), (0.7, 2.0), (1.0, 1.05), (2.5, 0.3)])
 def test_patch_of_two_differently_meshed_blocks_has_uniform_pressure(
     sizes: tuple[float, float],

@@ -71,6 +71,7 @@ def test_forces_are_in_balance_and_agree_with_energy_and_stress(
     assert slope == pytest.approx(closing.q[k], rel=1e-5)
 
 
+@pytest.mark.long
 def test_the_stress_on_the_loaded_side_converges_to_the_force_with_the_mesh() -> None:
     """Sections' averages agree on any mesh; the stress at a boundary is as good as the mesh."""
     errors = []
@@ -103,6 +104,7 @@ def bowed_columns(place: float) -> Callable[..., NDArray[np.float64]]:
     return chi
 
 
+@pytest.mark.long
 def test_columns_that_slide_go_on_where_their_corners_meet() -> None:
     """Nothing holds them sideways: contact moves them apart without force, and q is that of one
     column alone, from the touch at about -3 mm for columns that begin 2 mm nearer on.

@@ -305,6 +305,7 @@ def test_a_finished_design_is_clear_at_every_offset(level: float) -> None:
     assert outline(gallery["C7"], level=level).parts
 
 
+@pytest.mark.long
 def test_details_too_fine_for_the_samples_of_a_function_are_refused() -> None:
     def speckled(x: FloatArray, y: FloatArray) -> FloatArray:
         return np.sin(4000 * x) * np.sin(3700 * y) + 0.2

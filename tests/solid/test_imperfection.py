@@ -162,6 +162,7 @@ def test_opposite_sides_keep_nodes_that_face_each_other(odd_in: str) -> None:
     np.testing.assert_allclose(bottom, top, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_closing_hole_with_an_imperfection_is_followed_through_contact(block: Body) -> None:
     d = np.array([-2.0, -11.0])
     perfect, moved = forces(block, d), forces(imperfect_body(block, 0.3), d)

@@ -156,6 +156,7 @@ def reference() -> dict[tuple[str, str], list[float]]:
     return {}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("length", "stress"), CHANGES)
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_every_analysis_of_the_similar_spring_is_similar(
@@ -239,6 +240,7 @@ FILES: dict[str, tuple[str, dict[str, bool], Callable[[Path], FloatArray]]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", FILES)
 def test_every_file_of_the_similar_spring_is_similar_and_in_mm(
     file: str, kinematics: str, tmp_path: Path

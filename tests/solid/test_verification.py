@@ -103,6 +103,7 @@ def mesh_changes(name: str, displacements: tuple[float, ...], **finer: float) ->
     return np.abs(coarse / fine - 1)
 
 
+@pytest.mark.long
 def test_a_finer_mesh_of_c4_changes_its_forces_by_a_five_hundredth_at_most() -> None:
     # Not between -8 and -11 mm, where the hole's ends crease: a snap that any disturbance triggers.
     changes = mesh_changes("C4", (10.0, -5.0, -12.0), max_size=0.6, angle=0.067)
@@ -168,6 +169,29 @@ def test_a_wall_thinner_than_the_interface_gets_a_remark(verified: Verification)
     assert remark.startswith("The smallest wall (1.5 mm) is thinner than the interface l_i (2 mm)")
     assert remark in verification_lines(thin)
     assert dataclasses.replace(verified, smallest_wall=interface).remarks == verified.remarks
+
+
+@pytest.mark.parametrize("kind", ["wall", "gap"])
+def test_a_wall_or_a_gap_thinner_than_asked_for_is_remarked_upon(
+    verified: Verification, kind: str
+) -> None:
+    measured = getattr(verified, f"smallest_{kind}")
+    if not np.isfinite(measured):
+        measured = 2.0
+        verified = dataclasses.replace(verified, **{f"smallest_{kind}": measured})
+
+    def asking(size: float) -> Verification:
+        problem = verified.design.problem.replace(**{kind: size})
+        design = dataclasses.replace(verified.design, problem=problem)
+        return dataclasses.replace(verified, design=design)
+
+    assert asking(1.01 * measured).remarks == verified.remarks
+    *others, remark = asking(1.5 * measured).remarks
+    assert tuple(others) == verified.remarks
+    assert remark == (
+        f"The smallest {kind} ({measured:.3g} mm) is thinner than asked for"
+        f" ({kind} = {1.5 * measured:g} mm)."
+    )
 
 
 def test_a_solid_that_leaves_the_stable_range_of_its_law_gets_a_remark(

@@ -137,6 +137,7 @@ def test_the_report_tells_the_numbers_of_the_run(report: Path) -> None:
     assert "80 × 80 elements" in text
 
 
+@pytest.mark.long
 def test_only_a_run_that_goes_on_is_loaded_again() -> None:
     def refreshes(state: RunState) -> list[str | None]:
         tags = Tags(report_page(state)).of("meta")

@@ -37,8 +37,8 @@ class Term(ABC):
     name : str
         Column of the history.
     weight : str
-        Field of `SpringProblem` that is its weight; the term is left out where that is zero. The
-        field knows its unit (`ngspring.problem.spring`).
+        Field of `SpringProblem` that is its weight; the term is left out where that is zero and
+        the term depends on u. The field knows its unit (`ngspring.problem.spring`).
     of_u : bool
         Whether the density depends on displacements: then it is integrated at every control
         point, and its derivative enters the adjoint equations (Eq. 7).
@@ -56,5 +56,5 @@ class Term(ABC):
         """Integrand, with its weight."""
 
     def active(self, problem: SpringProblem) -> bool:
-        """Whether its weight is not zero."""
-        return bool(getattr(problem, self.weight))
+        """Whether it is part of the objective: unless it depends on u and its weight is zero."""
+        return not self.of_u or bool(getattr(problem, self.weight))
