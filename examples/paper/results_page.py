@@ -264,7 +264,8 @@ def strain_row(found: dict[str, Any]) -> Row:
 
 def limits_table() -> str:
     """Every design with a limit, below the one of its case without."""
-    stored = [found for found in read("limits").values() if not found["offsets"]]
+    others = ("offsets", "wall", "gap")
+    stored = [f for f in read("limits").values() if not any(f[key] for key in others)]
     limited = [name for name in names() if any(f["case"] == name and f["limit"] for f in stored)]
     chosen = [found for found in stored if found["case"] in limited]
     chosen.sort(key=lambda f: (limited.index(f["case"]), -(f["limit"] or math.inf)))

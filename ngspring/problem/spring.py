@@ -36,8 +36,8 @@ LARGEST_STRETCH = 100.0
 #: k_s over k_rho, unless it is given. With n = 6 a strain whose relief is worth its own material is
 #: (k_rho / (k_s rho^6))^(1/5) beyond the limit: 1.5 % at the solid's surface, where rho is 1/2.
 STRAINS = 1e11
-#: The same of k_w. With a tenth of it gaps of C4 and walls stay 17 % too thin, with ten times as much
-#: a wall that forces want thinner ends as a zigzag of chi.
+#: The same of k_w. With a tenth of it C4's walls and gaps stay 17 % too thin, with ten times as
+#: much a wall that forces want thinner ends as a zigzag of chi.
 THICKNESS = 1e3
 #: How far a number, and a weight of the objective, may be from what fits the spring's size.
 FARTHEST, HEAVIEST = 1e12, 1e60
