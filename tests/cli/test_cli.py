@@ -491,6 +491,7 @@ def test_any_name_goes_through_a_whole_run(name: str, tmp_path: Path) -> None:
     assert Design.load(out / "design.npz").problem.name == name.replace("\\\\", "\\")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("broken", ["convergence_figure", "design_figure", "write_report"])
 def test_a_picture_that_fails_costs_nothing_else(
     broken: str, finished: SimpleNamespace, copy: Path, monkeypatch: pytest.MonkeyPatch
@@ -751,6 +752,7 @@ def test_bad_output_places(copy: Path, tmp_path: Path) -> None:
     assert "suffix of a picture" in complaint(*show, tmp_path / "x.nonsense")
 
 
+@pytest.mark.long
 def test_console_script_has_the_same_codes(tmp_path: Path) -> None:
     with start("optimize", "C77", cwd=tmp_path) as process:
         out, err = process.communicate()

@@ -233,6 +233,7 @@ def test_damaged_states_are_no_states_and_the_table_is_left(finished: Path) -> N
     assert state.curve is not None
 
 
+@pytest.mark.long
 def test_a_report_draws_the_states_that_are_stored_if_nobody_has_drawn_them(finished: Path) -> None:
     (finished / "design.png").unlink()
     assert 'id="states"' in report_page(read_run(finished))
@@ -394,6 +395,7 @@ def test_watching_a_stored_design_writes_its_report_once(
     assert status_of(tmp_path / "C4.html") == CONVERGED
 
 
+@pytest.mark.long
 def test_watching_a_campaign_writes_an_index_and_every_report(run: Path, finished: Path) -> None:
     folder = run.parent
     (folder / "damaged").mkdir()

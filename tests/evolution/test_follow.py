@@ -61,6 +61,7 @@ def test_it_is_the_design_that_the_evolution_finds_from_there(design: Design) ->
     np.testing.assert_allclose(followed.design.coefficients, evolved.design.coefficients, atol=1e-6)
 
 
+@pytest.mark.long
 def test_where_the_branch_ends_the_evolution_goes_on(design: Design) -> None:
     # A step that is never small enough is a branch that ends at once.
     ends = FollowSteps(first=1.0, largest=1.0, smallest=1.0, many=1)

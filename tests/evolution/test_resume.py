@@ -290,6 +290,7 @@ def test_a_checkpoint_of_another_mesh_is_refused(folder: Path) -> None:
         resume(folder, max_updates=4)
 
 
+@pytest.mark.long
 def test_a_folder_in_use_by_another_process_is_refused_and_free_after_its_death(
     tmp_path: Path,
 ) -> None:

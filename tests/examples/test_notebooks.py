@@ -14,10 +14,13 @@ from types import ModuleType
 
 import pytest
 
-jupytext = pytest.importorskip("jupytext")
-nbformat = pytest.importorskip("nbformat")
-nbclient = pytest.importorskip("nbclient")
-pytest.importorskip("ipykernel")
+# Imported where they are used: it takes seconds that everybody who collects the tests would pay.
+if missing := [
+    name
+    for name in ("jupytext", "nbformat", "nbclient", "ipykernel")
+    if importlib.util.find_spec(name) is None
+]:
+    pytest.skip(f"{missing[0]} is not installed", allow_module_level=True)
 
 FOLDER = Path(__file__).parents[2] / "examples" / "notebooks"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the examples are not installed")
@@ -76,7 +79,7 @@ def load_render() -> ModuleType:
     return module
 
 
-def test_all_six_notebooks_are_checked() -> None:
+def test_all_notebooks_are_checked() -> None:
     assert [path.stem for path in load_render().scripts()] == sorted(NUMBERS)
 
 
@@ -93,6 +96,9 @@ def test_notebook_runs_and_its_numbers_are_right(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(NUMBERS))
 def test_stored_notebook_is_in_step_with_its_script(name: str) -> None:
+    import jupytext
+    import nbformat
+
     script = jupytext.read(FOLDER / f"{name}.py")
     stored = nbformat.read(FOLDER / f"{name}.ipynb", as_version=4)
     nbformat.validate(stored)
@@ -104,6 +110,8 @@ def test_stored_notebook_is_in_step_with_its_script(name: str) -> None:
 def test_stored_notebook_shows_pictures_without_being_run(name: str) -> None:
     path = FOLDER / f"{name}.ipynb"
     assert path.stat().st_size < LARGEST_FILE
+    import nbformat
+
     stored = nbformat.read(path, as_version=4)
     code = [cell for cell in stored.cells if cell.cell_type == "code"]
     assert all(cell.execution_count for cell in code)
@@ -116,8 +124,11 @@ def test_stored_notebook_shows_pictures_without_being_run(name: str) -> None:
     assert scenes, "no interactive picture (NGSolve's Draw)"
 
 
+@pytest.mark.long
 def test_a_notebook_that_hangs_is_given_up(tmp_path: Path) -> None:
+    from nbclient.exceptions import CellTimeoutError
+
     script = tmp_path / "hangs.py"
     script.write_text("# %%\nimport time\n\n# %%\ntime.sleep(600)\n")
-    with pytest.raises(nbclient.exceptions.CellTimeoutError):
+    with pytest.raises(CellTimeoutError):
         load_render().execute(script, longest=2)

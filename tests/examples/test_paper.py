@@ -297,6 +297,7 @@ def one_update(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Run
     return runs
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("one_update")
 def test_recompute_is_resumable_and_keeps_snapshots(
     tmp_path: Path, saved: dict[str, Figure]

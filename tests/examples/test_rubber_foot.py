@@ -80,6 +80,7 @@ def test_an_imperfect_one_stays_on_the_curve(known: dict[str, Any]) -> None:
     assert known["lowest_eigenvalue"] > 0.0
 
 
+@pytest.mark.long
 def test_the_force_in_tension_is_that_of_its_solid_computed_anew(
     part: ngspring.Design, known: dict[str, Any]
 ) -> None:

@@ -53,6 +53,7 @@ def whole(folder: Path, updates: list[Update]) -> Result:
 # -- what comes out --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_solid_goes_through_its_targets(whole: Result) -> None:
     assert whole.converged
     assert whole.message == ""
@@ -61,12 +62,14 @@ def test_the_solid_goes_through_its_targets(whole: Result) -> None:
     assert whole.design.solid == pytest.approx(solid_curve(whole.design), rel=1e-6)
 
 
+@pytest.mark.long
 def test_without_corrections_it_would_have_missed_them(whole: Result) -> None:
     first = corrections_of(whole.design.info)[0]
     assert first.aims == (2.0, -2.0)
     assert abs(first.worst(PROBLEM.control_points)) > 0.2
 
 
+@pytest.mark.long
 def test_the_design_is_an_exact_stationary_point_for_what_was_aimed_at(whole: Result) -> None:
     found = ngspring.optimality(whole.design)
     assert found.residual < 1e-8
@@ -75,6 +78,7 @@ def test_the_design_is_an_exact_stationary_point_for_what_was_aimed_at(whole: Re
     np.testing.assert_allclose(found.targets, aims, rtol=0)
 
 
+@pytest.mark.long
 def test_what_was_asked_stays_beside_it(whole: Result, folder: Path) -> None:
     stored = Design.load(folder / DESIGN)
     assert [point.q for point in stored.problem.control_points] == [2.0, -2.0]
@@ -83,6 +87,7 @@ def test_what_was_asked_stays_beside_it(whole: Result, folder: Path) -> None:
     assert Checkpoint.load(folder / CHECKPOINT).goal == PROBLEM
 
 
+@pytest.mark.long
 def test_every_correction_is_in_the_history(whole: Result) -> None:
     rows, found = whole.history.rows(), corrections_of(whole.design.info)
     assert [row.correction for row in rows if row.is_end] == list(range(len(found)))
@@ -96,6 +101,7 @@ def test_every_correction_is_in_the_history(whole: Result) -> None:
     np.testing.assert_allclose([row.q for row in starts], [row.q for row in before], rtol=1e-8)
 
 
+@pytest.mark.long
 def test_an_observer_is_told_what_each_solid_carries(whole: Result, updates: list[Update]) -> None:
     told = [update.correction for update in updates if update.correction is not None]
     assert tuple(told) == corrections_of(whole.design.info)
@@ -169,6 +175,7 @@ def test_a_run_that_was_left_anywhere_ends_in_the_same_part(
     assert len(again.history) == len(uninterrupted.history)
 
 
+@pytest.mark.long
 def test_a_finished_part_is_returned_as_it_is(whole: Result, folder: Path) -> None:
     told: list[Update] = []
     again = ngspring.realise(
@@ -202,6 +209,7 @@ def test_a_finished_design_is_not_evolved_again_before_its_first_correction() ->
 # -- what cannot be met ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_where_corrections_do_not_suffice_the_best_part_says_how_far_it_came() -> None:
     few = PartSettings(tolerance=1e-5, corrections=2)
     result = ngspring.realise(ONE, settings=few, threads=1)
@@ -215,6 +223,7 @@ def test_where_corrections_do_not_suffice_the_best_part_says_how_far_it_came() -
     assert ngspring.optimality(result.design).residual < 1e-8
 
 
+@pytest.mark.long
 def test_the_best_part_is_kept_while_others_are_tried(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -265,6 +274,7 @@ def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float], message
 # -- what one sees ---------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_report_tells_of_corrections_and_of_the_solid(whole: Result, folder: Path) -> None:
     page = report_page(ngspring.read_run(folder))
     assert "Corrections" in page

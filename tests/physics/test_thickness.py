@@ -99,6 +99,7 @@ def test_a_gap_that_is_asked_for_is_there(plain: Design) -> None:
     assert ngspring.mesh_body(result.design).quality.narrowest_gap > gap
 
 
+@pytest.mark.long
 def test_walls_and_gaps_that_are_there_cost_nothing(plain: Design) -> None:
     problem = plain.problem.replace(wall=1.0, gap=1.0)
     result = ngspring.optimize(problem, plain, dt_initial=1e5, threads=1)

@@ -201,6 +201,7 @@ def test_patch_of_two_differently_meshed_blocks_has_uniform_pressure(
     assert abs(edges - 1).max() < 0.005
 
 
+@pytest.mark.long
 def test_pressure_at_single_points_becomes_uniform_with_their_number() -> None:
     """It is as accurate as the points integrate across the other side's nodes."""
     deviations = [abs(patch_pressures(pressed_blocks(n))[0] - 1).max() for n in (6, 12, 48)]

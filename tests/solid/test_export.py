@@ -270,6 +270,7 @@ def test_a_surface_with_a_hole_is_noticed() -> None:
         watertight_volume(points * [1, 1, 0] * [1, 0, 1], closed)
 
 
+@pytest.mark.long
 def test_corners_stay_sharp(tmp_path: Path) -> None:
     done = export_body(stepped, tmp_path / "block.step", problem=PLANE)
     shape = occ.OCCGeometry(str(done.path)).shape

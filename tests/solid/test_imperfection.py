@@ -252,6 +252,7 @@ def test_the_outcome_is_json_and_a_picture(outcome: Imperfection, tmp_path: Path
         assert (tmp_path / "imperfection.png").stat().st_size > 1000
 
 
+@pytest.mark.long
 def test_verify_writes_what_an_imperfection_does(column: Design, tmp_path: Path) -> None:
     column.save(tmp_path / "column.npz")
     arguments = ["verify", str(tmp_path / "column.npz"), "--points", "2", "--elements-across", "1"]

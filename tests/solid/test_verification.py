@@ -211,6 +211,7 @@ def test_a_solid_that_leaves_the_stable_range_of_its_law_gets_a_remark(
     assert f"principal stretch of {limit:.3g} (planar" in remark
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "law",
     [
@@ -440,6 +441,7 @@ def stored(column: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_verify_writes_its_verdict_and_pictures(stored: Path, tmp_path: Path) -> None:
     code, text = run("verify", stored, "--points", 2, "--out", tmp_path, "--threads", 1)
     assert code == 0, text
@@ -448,6 +450,7 @@ def test_verify_writes_its_verdict_and_pictures(stored: Path, tmp_path: Path) ->
     assert names == ["contact.png", "verification.json", "verification.png"]
 
 
+@pytest.mark.long
 def test_a_picture_that_fails_costs_no_other(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -462,6 +465,7 @@ def test_a_picture_that_fails_costs_no_other(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["contact.png", "verification.json"]
 
 
+@pytest.mark.long
 def test_tolerance_writes_its_table_and_picture(stored: Path, tmp_path: Path) -> None:
     code, text = run(
         "tolerance", stored, "--offsets", "0.2", "--points", 2, "--out", tmp_path, "--threads", 1

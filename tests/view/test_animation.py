@@ -62,6 +62,7 @@ def snapshots(design: Design) -> Snapshots:
     return Snapshots(PROBLEM, np.arange(0, 60, 10), coefficients)
 
 
+@pytest.mark.long
 def test_the_deformation_goes_there_and_back(
     design: Design, response: Response, tmp_path: Path
 ) -> None:
@@ -115,6 +116,7 @@ def test_the_evolution_has_a_frame_for_each_snapshot(snapshots: Snapshots, tmp_p
     assert seconds(path) > 6
 
 
+@pytest.mark.long
 def test_a_long_evolution_shows_the_first_and_the_last_design(
     design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,6 +132,7 @@ def test_a_long_evolution_shows_the_first_and_the_last_design(
     assert state_part(film[0]).mean() < state_part(film[1]).mean() < state_part(film[-1]).mean()
 
 
+@pytest.mark.long
 def test_a_fine_curve_is_thinned_but_not_at_its_ends(
     design: Design, response: Response, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,6 +210,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_run_folder_gets_both_films(run: Path) -> None:
     result = invoke("animate", run, "--points", 3, "--threads", 1)
     assert result.stdout == f"film: {run / 'deformation.gif'}\n"

@@ -170,6 +170,7 @@ def test_a_design_without_history_and_forces_has_a_report_too() -> None:
     assert "D/H" in tags.text
 
 
+@pytest.mark.long
 def test_a_design_is_reported_as_a_finished_run(tmp_path: Path) -> None:
     ngspring.write_report(gallery["C4"], tmp_path / "C4.html")
     assert "C4: converged" in (tmp_path / "C4.html").read_text(encoding="utf-8")
