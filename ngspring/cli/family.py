@@ -19,6 +19,9 @@ from ngspring.problem.point import worst_deviation
 from ngspring.view.family import family_figure
 from ngspring.view.text import signed_percent, width_symbol
 
+#: What a case of the paper has not, and a design that is followed keeps.
+LIMITS = ("stretch_limit", "energy_limit", "k_s", "wall", "gap", "k_w")
+
 
 @click.command("family")
 @click.argument("name", metavar="DESIGN")
@@ -54,9 +57,10 @@ def family_command(
     """
     design, path = read_design(name)
     wanted, goal_name = read_problem(goal)
-    # A design on another mesh than the case's own: mesh and weights stay its own.
+    # A design on another mesh than the case's own, or with limits: they stay its own.
     problem = design.problem
-    asked = wanted.replace(elements=problem.elements, l_i=problem.l_i, domain=problem.domain)
+    own = {key: getattr(problem, key) for key in ("elements", "l_i", "domain", *LIMITS)}
+    asked = wanted.replace(**own)
     folder = out or Path("runs", f"family-{path.stem}-{goal_name}")
     make_folder(folder)
     found: list[Reached] = []

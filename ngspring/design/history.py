@@ -148,14 +148,15 @@ class Row:
         return cls(
             **{"update": 0, **whole},
             **plain,
-            terms={
-                name: value
-                for name, value in columns.items()
-                if name not in _KNOWN and not _OF_POINT.fullmatch(name)
-            },
+            terms={name: value for name, value in columns.items() if _is_term(name)},
             C_q=of_C_q,
             q=of_q,
         )
+
+
+def _is_term(column: str) -> bool:
+    """Whether it is a term of the objective that belongs to no control point."""
+    return column not in _KNOWN and not _OF_POINT.fullmatch(column)
 
 
 def _numbered(prefix: str, columns: Mapping[str, float]) -> tuple[float, ...]:
@@ -212,8 +213,11 @@ class History:
     def from_rows(cls, rows: Sequence[Row] | Sequence[Mapping[str, float]]) -> History:
         """Table of rows; a term that is not asked for on all meshes is 0 where it is not."""
         tables = [row.columns if isinstance(row, Row) else row for row in rows]
-        columns = max((tuple(table) for table in tables), key=len)
-        return cls(columns, np.array([[row.get(name, 0.0) for name in columns] for row in tables]))
+        longest_first = sorted(tables, key=len, reverse=True)
+        columns = tuple(dict.fromkeys(name for table in longest_first for name in table))
+        none = {name: 0.0 for name in columns if _is_term(name)}
+        full = [{**none, **table} for table in tables]
+        return cls(columns, np.array([[row[name] for name in columns] for row in full]))
 
     @property
     def parts(self) -> dict[str, NDArray[Any]]:

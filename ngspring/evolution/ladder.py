@@ -6,8 +6,9 @@ sharpens them. Each coarse mesh (rung) is left as soon as dt says that its desig
 shape. The next one starts from that design, loaded from rest, and decides by itself what becomes of
 it: the end is a stationary point of the problem that was asked for, whatever led there.
 
-A smallest wall or gap is asked for on the last mesh only. What has no shape yet is all grey, which
-both push to one side or the other before the forces have told them which.
+A smallest wall or gap is asked for on the last mesh only, unless the start is a finished design.
+What has no shape yet is all grey, which both push to one side or the other before the forces have
+told them which.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class Ladder:
         # The symmetry axes are mesh lines: even numbers only.
         counts = (2 * round(problem.elements / 2 ** (k + 1)) for k in range(1, self.halvings + 1))
         coarse = itertools.takewhile(lambda count: count >= smallest, counts)
-        anyhow = problem.replace(wall=0.0, gap=0.0, k_w=0.0)
+        anyhow = problem if finished else problem.replace(wall=0.0, gap=0.0, k_w=0.0)
         return (*(on_mesh(anyhow, count)[0] for count in reversed(list(coarse))), problem)
 
 

@@ -68,7 +68,6 @@ def with_offsets(
     """
     given = tuple(points)
     own = [point for point in given if point.own]
-    outermost = _outermost(own)
     wanted: dict[tuple[float, float, float, str], ControlPoint] = {}
 
     def add(
@@ -81,7 +80,7 @@ def with_offsets(
                 point = dataclasses.replace(point, eta=eta)
             else:
                 point = dataclasses.replace(point, eta_odd=eta, odd_in=odd_in)
-            wanted.setdefault(point.place, point)
+            wanted[point.place] = point
 
     if robust is not None:
         size = positive_number("robust", robust)
@@ -90,7 +89,7 @@ def with_offsets(
     if imperfection is not None:
         size = positive_number("imperfection", imperfection)
         kind = choice(ODD_KEY, odd_in or usual_odd_in(axis), ODD_IN)
-        add(outermost[-1:], size, SHARE_IMPERFECT, kind)
+        add(_outermost(own), size, SHARE_IMPERFECT, kind)
     for point in given:
         if point.place in wanted:
             raise ProblemError(
@@ -101,9 +100,9 @@ def with_offsets(
 
 
 def _outermost(points: Sequence[ControlPoint]) -> list[ControlPoint]:
-    """The outermost point in tension, and in compression, as far as there are any."""
-    sides = [p for p in points if p.d > 0], [p for p in points if p.d < 0]
-    return [max(side, key=lambda point: abs(point.d)) for side in sides if side]
+    """The outermost point in compression, or in tension where there is none."""
+    side = [point for point in points if point.d < 0] or list(points)
+    return sorted(side, key=lambda point: abs(point.d))[-1:]
 
 
 def taken_offsets(values: Mapping[str, object]) -> dict[str, Any]:

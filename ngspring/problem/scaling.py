@@ -5,11 +5,11 @@ With lengths times ``a``, thickness times ``b`` and stresses times ``s``, forces
 term of C* (Eqs. 5, 9, 11) keeps its value, and chi stays the same, if
 
 =============  ======================================================================
-L, H, l_i, l_t, d   times ``a``
+L, H, l_i, l_t, d   times ``a``; so wall and gap
 K, G                times ``s``
 q_*                 times ``f``
 w_q                 divided by ``f^2``
-k_rho               divided by ``v``
+k_rho               divided by ``v``; so k_s and k_w
 k_i                 times ``a^n / v``: a slope of chi is an inverse length
 k_H                 times ``a^4 / v``
 dt                  times ``v`` (see `time_unit`)

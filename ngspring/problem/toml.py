@@ -16,8 +16,8 @@ Table 1. Besides the fields a file may have
   and ``G``, see `ngspring.problem.material`; ``material`` may also be a table, a law with its
   parameters, or the name of a file beside this one that has such a table,
   ``material = "material.toml"``;
-- ``robust``, ``wall`` and ``gap`` (mm), which add eroded and dilated control points, see
-  `ngspring.problem.offsets`;
+- ``robust`` and ``imperfection`` (mm), which add eroded and dilated control points, and imperfect
+  ones, see `ngspring.problem.offsets`;
 - ``w_q``, the weight of all control points that have none of their own;
 - ``targets = "curve.csv"`` instead of `control_points`, a file in the folder of the TOML file or
   below it, or a table ``targets = {file = "curve.csv", points = 4}`` or with

@@ -472,3 +472,21 @@ def test_a_pickle_inside_a_design_file_is_never_run(tmp_path: Path) -> None:
         with pytest.raises(NgspringError):
             Design.load(path)
         assert not (tmp_path / "sprung").exists()
+
+
+def test_a_term_that_is_not_asked_for_on_every_mesh_is_zero_where_it_is_not() -> None:
+    rows = [
+        Row(update=0, C=1.0, terms={"volume": 1.0}, C_q=(0.5,), q=(2.0,)),
+        Row(update=1, C=3.0, terms={"volume": 1.0, "walls": 2.0}, C_q=(0.5,), q=(2.0,)),
+        Row(update=2, C=4.0, terms={"volume": 1.0, "gaps": 3.0}, C_q=(0.5,), q=(2.0,)),
+    ]
+    history = History.from_rows(rows)
+    assert list(history["walls"]) == [0.0, 2.0, 0.0]
+    assert list(history["gaps"]) == [0.0, 0.0, 3.0]
+    assert [row.terms["volume"] for row in history.rows()] == [1.0, 1.0, 1.0]
+
+
+def test_a_row_that_lacks_a_force_is_no_row_of_the_history() -> None:
+    first = Row(update=0, C_q=(0.5, 0.5), q=(2.0, 4.0))
+    with pytest.raises(KeyError, match="q2"):
+        History.from_rows([first, Row(update=1, C_q=(0.5,), q=(2.0,))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 from pathlib import Path
 
@@ -152,3 +153,17 @@ def test_the_command_writes_its_members_and_a_picture(
         with_targets(1.01).control_points
     )
     assert "100%" in outcome.output
+
+
+def test_a_design_with_a_limit_keeps_it_on_its_way_to_a_goal_without(
+    design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    problem = design.problem.replace(wall=0.1)
+    dataclasses.replace(design, problem=problem).save("small.npz")
+    Path("goal.toml").write_text(with_targets(1.01).to_toml())
+    words = ["family", "small.npz", "--to", "goal.toml", "--members", "2", "--threads", "1"]
+    outcome = CliRunner().invoke(cli, words)
+    assert outcome.exit_code == 0, outcome.output
+    last = Design.load("runs/family-small-goal/member-01.npz").problem
+    assert last == problem.replace(control_points=with_targets(1.01).control_points, name=last.name)

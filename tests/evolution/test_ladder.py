@@ -21,7 +21,7 @@ from ngspring import (
     SpringProblem,
 )
 from ngspring.cli.progress import plain_line
-from ngspring.design.history import stages
+from ngspring.design.history import History, Row, stages
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.runstate import read_run
 from ngspring.evolution.updates import Update
@@ -231,3 +231,34 @@ def test_a_coarse_mesh_that_fails_hands_its_design_on(caplog: pytest.LogCaptureF
     assert "given up on 8 elements" in caplog.text
     assert update.row.elements == 16
     assert not evolution.over
+
+
+# -- walls and gaps --------------------------------------------------------------------------------
+
+
+def test_a_finished_start_keeps_its_walls_on_every_mesh() -> None:
+    problem = PROBLEM.replace(elements=80, l_i=1.0, wall=2.0, gap=0.8)
+    finished = dataclasses.replace(Design.column(PROBLEM), history=one_row())
+    for start, walls in ((None, [0.0, 0.0, 2.0]), (finished, [2.0, 2.0, 2.0])):
+        assert [rung.wall for rung in Ladder().rungs(problem, start)] == walls
+
+
+def one_row() -> History:
+    return History.from_rows([Row(update=0, C_q=(0.0,), q=(2.0,))])
+
+
+def test_walls_come_into_the_history_with_the_last_mesh(tmp_path: Path) -> None:
+    problem = PROBLEM.replace(gap=20.0)
+    options = {"out": tmp_path / "run", "threads": 1, "ladder": LADDER}
+    coarse = ngspring.optimize(problem, max_updates=1, **options)  # type: ignore[arg-type]
+    assert coarse.design.problem.gap == 0.0
+    assert read_run(tmp_path / "run").asked == problem
+    done = ngspring.optimize(problem, resume=True, **options)  # type: ignore[arg-type]
+    assert done.converged
+    assert done.design.problem == problem
+    first, last = stages(done.history.rows())
+    assert {row.terms["gaps"] for row in first} == {0.0}
+    assert last[0].terms["gaps"] > 0.0
+    for row in (first[-1], last[-1]):
+        parts = sum(row.terms.values()) + sum(row.C_q)
+        assert parts == pytest.approx(row.C, rel=1e-12)

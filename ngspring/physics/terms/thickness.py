@@ -4,7 +4,8 @@ The slope of chi is at most 8 / l_i (Eq. 11). Where chi is 4 w / l_i the surface
 least, and a disc of diameter w fits in the solid. On the middle line of a wall chi has no slope
 across it: there it is held beyond that number, and on the middle lines of gaps on the other side.
 So nothing is asked of surfaces and corners, nor of equilibria. Where walls and gaps are thick
-enough the terms are zero, and the design is what it is without them.
+enough, and neither is grey, the terms are zero; grey at the end of a slit or in a pocket is a thin
+wall and a thin gap to them.
 
 Bounds on middle lines, found by their small slope, are an idea of Zhou, Lazarov, Wang and Sigmund
 (2015), Comput. Methods Appl. Mech. Engrg. 293, 266-282, there in terms of filtered densities.
