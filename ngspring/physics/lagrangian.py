@@ -9,9 +9,9 @@ reads::
 
 with ``R_j`` the internal virtual work of Eq. 19, ``C_chi`` the terms of the objective that depend
 on the design alone (Eq. 11, and walls and gaps), and ``C_u`` those that depend on displacements
-(none in the paper). Its first variation is Eqs. 4, 7 and 8 at once, its second one the symmetric Newton matrix. The
-forms here act on the compound space (chi, u, lam) of one control point; `ngspring.kkt` puts the
-blocks together.
+(none in the paper). Its first variation is Eqs. 4, 7 and 8 at once, its second one the symmetric
+Newton matrix. The forms here act on the compound space (chi, u, lam) of one control point;
+`ngspring.kkt` puts the blocks together.
 """
 
 from __future__ import annotations
