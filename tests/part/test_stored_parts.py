@@ -18,12 +18,15 @@ from ngspring.evolution.folder import read_design
 from ngspring.part.realisation import PartSettings
 
 PARTS = sorted(ngspring.parts)
+#: What keeps foam out of pockets, beside the case: examples/paper/parts.toml.
+ASKED = {"CT3": {"gap": 1.5, "k_w": 1e-4}}
 
 
 @pytest.mark.parametrize("name", PARTS)
 def test_a_stored_part_goes_through_the_targets_of_its_case(name: str) -> None:
     part = ngspring.parts[name]
-    assert without_aims(part.problem).equals_but_for_name(ngspring.cases[name])
+    asked = ngspring.cases[name].replace(**ASKED.get(name, {}))
+    assert without_aims(part.problem).equals_but_for_name(asked)
     assert part.info["converged"] is True
     assert flaw(part) == ""
     points = part.problem.control_points
