@@ -7,6 +7,11 @@ import ngsolve as ng
 from ngspring.physics.chi import CF
 
 
+def bracket(x: CF) -> CF:
+    """<x>: x where it is positive, and 0 elsewhere."""
+    return ng.IfPos(x, x, 0)
+
+
 def beyond(squared: CF, limit: float) -> CF:
     """<sqrt(squared) - limit>, of which 0 has derivatives, too."""
     # Guarded inside: the derivative of a square root at 0 is NaN even in a branch not taken.

@@ -39,6 +39,9 @@ class Term(ABC):
     weight : str
         Field of `SpringProblem` that is its weight; the term is left out where that is zero and
         the term depends on u. The field knows its unit (`ngspring.problem.spring`).
+    asked_by : str
+        Field of `SpringProblem` that asks for the term, if its weight alone does not: the term is
+        left out where that is zero.
     of_u : bool
         Whether the density depends on displacements: then it is integrated at every control
         point, and its derivative enters the adjoint equations (Eq. 7).
@@ -48,6 +51,7 @@ class Term(ABC):
 
     name: ClassVar[str]
     weight: ClassVar[str]
+    asked_by: ClassVar[str] = ""
     of_u: ClassVar[bool] = False
     quadratic: ClassVar[bool] = False
 
@@ -56,5 +60,7 @@ class Term(ABC):
         """Integrand, with its weight."""
 
     def active(self, problem: SpringProblem) -> bool:
-        """Whether it is part of the objective: unless it depends on u and its weight is zero."""
+        """Whether it is part of the objective."""
+        if self.asked_by:
+            return bool(getattr(problem, self.asked_by))
         return not self.of_u or bool(getattr(problem, self.weight))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import ngsolve as ng
-
-from ngspring.physics.brackets import power
+from ngspring.physics.brackets import bracket, power
 from ngspring.physics.chi import CF, rho
 from ngspring.physics.elasticity import strain_energy
 from ngspring.physics.terms.base import Fields, Term
@@ -21,15 +19,11 @@ class EnergyLimit(Term):
 
     name: ClassVar[str] = "energy"
     weight: ClassVar[str] = "k_s"
+    asked_by: ClassVar[str] = "energy_limit"
     of_u: ClassVar[bool] = True
 
     def density(self, fields: Fields, problem: SpringProblem) -> CF:
         """Integrand at one control point."""
         n, limit = problem.n, problem.energy_limit
         excess = strain_energy(fields.u, fields.grad_u, problem) / limit - 1
-        bracket = ng.IfPos(excess, excess, 0)
-        return problem.k_s / n * power(rho(fields.chi) * bracket, n)
-
-    def active(self, problem: SpringProblem) -> bool:
-        """Whether there is a limit."""
-        return problem.energy_limit > 0.0
+        return problem.k_s / n * power(rho(fields.chi) * bracket(excess), n)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import ngsolve as ng
 
-from ngspring.physics.brackets import beyond, power
+from ngspring.physics.brackets import beyond, bracket, power
 from ngspring.physics.chi import CF, rho
 from ngspring.physics.elasticity import gradient
 from ngspring.physics.terms.base import Fields, Term
@@ -26,6 +26,7 @@ class StretchLimit(Term):
 
     name: ClassVar[str] = "stretch"
     weight: ClassVar[str] = "k_s"
+    asked_by: ClassVar[str] = "stretch_limit"
     of_u: ClassVar[bool] = True
 
     def density(self, fields: Fields, problem: SpringProblem) -> CF:
@@ -34,12 +35,8 @@ class StretchLimit(Term):
         F = gradient(fields.u, fields.grad_u, problem)
         half, det = ng.InnerProduct(F.in_plane, F.in_plane) / 2, ng.Det(F.in_plane)
         spread = half * half - det * det
-        squared = half + ng.sqrt(ng.IfPos(spread, spread, 0) + _SMOOTH)
+        squared = half + ng.sqrt(bracket(spread) + _SMOOTH)
         share = rho(fields.chi) / limit
         excess = power(share * beyond(squared, limit), n)
         excess = excess + power(share * beyond(F.F_33 * F.F_33, limit), n)
         return problem.k_s / n * excess
-
-    def active(self, problem: SpringProblem) -> bool:
-        """Whether there is a limit."""
-        return problem.stretch_limit > 0.0

@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import ngsolve as ng
 
-from ngspring.physics.brackets import power
+from ngspring.physics.brackets import bracket, power
 from ngspring.physics.chi import CF, smooth_step
 from ngspring.physics.terms.base import Fields, Term
 from ngspring.problem.spring import SpringProblem
@@ -36,7 +36,7 @@ def _too_thin(chi: CF, fields: Fields, size: float, problem: SpringProblem) -> C
     """
     steepest = 8 / problem.l_i
     slope = ng.InnerProduct(fields.grad_chi, fields.grad_chi) / (_MIDDLE * steepest) ** 2
-    on_middle = power(ng.IfPos(1 - slope, 1 - slope, 0), 3)
+    on_middle = power(bracket(1 - slope), 3)
     here, thick = smooth_step(1 + chi / _FAINT), smooth_step(chi / (steepest * size / 2))
     return problem.k_w * on_middle * here * (1 - thick)
 
@@ -46,14 +46,11 @@ class ThinWalls(Term):
 
     name: ClassVar[str] = "walls"
     weight: ClassVar[str] = "k_w"
+    asked_by: ClassVar[str] = "wall"
 
     def density(self, fields: Fields, problem: SpringProblem) -> CF:
         """Integrand, of chi."""
         return _too_thin(fields.chi, fields, problem.wall, problem)
-
-    def active(self, problem: SpringProblem) -> bool:
-        """Whether there is a smallest wall."""
-        return problem.wall > 0.0
 
 
 class ThinGaps(Term):
@@ -61,11 +58,8 @@ class ThinGaps(Term):
 
     name: ClassVar[str] = "gaps"
     weight: ClassVar[str] = "k_w"
+    asked_by: ClassVar[str] = "gap"
 
     def density(self, fields: Fields, problem: SpringProblem) -> CF:
         """The same of -chi."""
         return _too_thin(-fields.chi, fields, problem.gap, problem)
-
-    def active(self, problem: SpringProblem) -> bool:
-        """Whether there is a smallest gap."""
-        return problem.gap > 0.0
