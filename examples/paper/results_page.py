@@ -97,7 +97,7 @@ def designs_table() -> str:
 
 def missing_line() -> str:
     missing = [name for name in RUNS if name not in gallery]
-    return f"Not there yet: {', '.join(missing)}." if missing else "All 26 are there."
+    return f"Not there yet: {', '.join(missing)}." if missing else f"All {len(RUNS)} are there."
 
 
 def growth_lines() -> str:

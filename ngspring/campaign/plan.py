@@ -24,6 +24,7 @@ and several lists all their combinations. ``seed`` belongs to ``start = "random"
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import os
@@ -45,6 +46,8 @@ from ngspring.problem.scaling import on_mesh
 from ngspring.problem.spring import SpringProblem
 from ngspring.problem.toml import load_tables
 
+#: Keys of the file itself, and of a [[run]] table.
+TOP = ("run",)
 KEYS = (
     "case",
     "file",
@@ -60,6 +63,9 @@ KEYS = (
     "robust",
     "offsets",
 )
+#: Those of its tables ``offsets`` and ``changes``.
+OFFSETS = (*OFFSET_KEYS, ODD_KEY)
+FIELDS = tuple(field.name for field in dataclasses.fields(SpringProblem))
 STARTS = ("column", "random", "design:PATH", "run:NAME")
 MOST_RUNS = 10_000
 LONGEST_NAME = 200
@@ -229,7 +235,7 @@ def parse_campaign(text: str, folder: Path = Path(), file: str = "FILE.toml") ->
         raise ProblemError(
             f"this is a problem, not a campaign: ngspring optimize {shlex.quote(file)}"
         )
-    _check_keys(values, ("run",))
+    _check_keys(values, TOP)
     tables = values.get("run", [])
     if not isinstance(tables, list):
         raise ProblemError(f"run = {shown(tables)} is not valid: it must be [[run]] tables")
@@ -292,12 +298,11 @@ def _problem(table: Mapping[str, Any], folder: Path) -> tuple[SpringProblem, str
 
 def _with_offsets(problem: SpringProblem, given: object) -> SpringProblem:
     """The problem with what a run's table ``offsets`` adds."""
-    keys = (*OFFSET_KEYS, ODD_KEY)
     if not isinstance(given, dict):
-        raise ProblemError(f"offsets = {shown(given)} must be a table of {', '.join(keys)}")
+        raise ProblemError(f"offsets = {shown(given)} must be a table of {', '.join(OFFSETS)}")
     if not given:
         return problem
-    _check_keys(given, keys)
+    _check_keys(given, OFFSETS)
     return problem.with_offsets(**taken_offsets(given))
 
 
@@ -310,6 +315,10 @@ def _variations(
         raise ProblemError(f"changes = {shown(changes)} must be a table of problem parameters")
     if "control_points" in changes:
         raise ProblemError("changes cannot hold control_points: describe the problem in a file")
+    try:
+        _check_keys(changes, FIELDS)
+    except ProblemError as error:
+        raise ProblemError(f"in changes: {error}") from None
     if "elements" in changes and "elements" in table:
         raise ProblemError("elements is given twice, in the run and in its changes")
     lists = [value if isinstance(value, list) else [value] for value in changes.values()]
@@ -334,7 +343,19 @@ def _variations(
 def _check_keys(table: Mapping[str, object], keys: tuple[str, ...]) -> None:
     for key in table:
         if key not in keys:
-            raise ProblemError(f"unknown key {shown(key)}: did you mean {nearest(key, keys)!r}?")
+            right = (keys != TOP and _place(key)) or f"did you mean {nearest(key, keys)!r}?"
+            raise ProblemError(f"unknown key {shown(key)}: {right}")
+
+
+def _place(key: str) -> str:
+    """Where in a [[run]] table a key belongs, if it is one of them; otherwise empty."""
+    if key in KEYS:
+        return "it belongs to the run itself"
+    if key in OFFSETS:
+        return f"it belongs to a run's offsets = {{{key} = ...}}"
+    if key in FIELDS:
+        return f"it belongs to a run's changes = {{{key} = ...}}"
+    return ""
 
 
 def _check_name(name: object) -> None:
