@@ -37,7 +37,12 @@ def described(design: Design, threads: int | None) -> dict[str, Any]:
 
 
 def evaluation(name: str, part: Design, threads: int | None) -> dict[str, Any]:
-    return {"before": described(gallery[name], threads), "after": described(part, threads)}
+    case = part.problem.name
+    return {
+        "case": case,
+        "before": described(gallery[case], threads),
+        "after": described(part, threads),
+    }
 
 
 def curves(name: str, found: dict[str, Any]) -> PartCurves:

@@ -31,6 +31,7 @@ from gallery_results import read
 
 from ngspring import Design, gallery
 from ngspring.basics.files import write_text
+from ngspring.design.gallery import PART
 from ngspring.problem.point import relative_deviation, worst_deviation
 from ngspring.view.text import deviation_text
 
@@ -217,26 +218,27 @@ def length(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
-def part_rows(name: str, found: dict[str, Any]) -> list[Row]:
-    rows = []
-    for which, one in ((name, found["before"]), (f"{name}-part", found["after"])):
-        rows.append(
-            (
-                which,
-                solid_deviations(one),
-                stable_until(one),
-                f"{one['stretch_measure']:.2f}",
-                length(one["smallest_wall"]),
-                length(one["smallest_gap_at_rest"]),
-                f"{one['width']:.4f}",
-            )
-        )
-    return rows
+def part_row(name: str, found: dict[str, Any]) -> Row:
+    return (
+        name,
+        solid_deviations(found),
+        stable_until(found),
+        f"{found['stretch_measure']:.2f}",
+        length(found["smallest_wall"]),
+        length(found["smallest_gap_at_rest"]),
+        f"{found['width']:.4f}",
+    )
 
 
 def parts_table() -> str:
+    """Each design, and below it the parts of its case."""
     stored = read("parts")
-    rows = [row for name in names() if name in stored for row in part_rows(name, stored[name])]
+    rows = []
+    for name in names():
+        of_case = [part for part, found in stored.items() if found["case"] == name]
+        for part in of_case[:1]:
+            rows.append(part_row(name, stored[part]["before"]))
+        rows += [part_row(f"{part}{PART}", stored[part]["after"]) for part in of_case]
     header = (
         "design", "solid from its targets", "symmetric path", "stretch of a thousandth",
         "smallest wall [mm]", "smallest gap [mm]", "W/H or D/H",

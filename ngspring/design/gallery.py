@@ -90,7 +90,10 @@ gallery = Gallery()
 """The stored designs."""
 
 parts = Gallery("parts")
-"""Those whose solids go through the targets (`ngspring.realise`), under the same names."""
+"""Those whose solids go through the targets (`ngspring.realise`), under the same names.
+
+One such as C4-stable is another part of that case, which an imperfection keeps from buckling.
+"""
 
 #: A stored part of the case C4 is called C4-part where a name stands for itself.
 PART = "-part"
