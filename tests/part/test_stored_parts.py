@@ -18,8 +18,8 @@ from ngspring.evolution.folder import read_design
 from ngspring.part.realisation import PartSettings
 
 PARTS = sorted(ngspring.parts)
-#: What is asked for beside the case, in examples/paper/parts.toml: what keeps foam out of pockets, and a
-#: spring from buckling.
+#: What is asked for beside the case, in examples/paper/parts.toml: what keeps foam out of pockets,
+#: and a spring from buckling.
 ASKED = {
     "CT3": ngspring.cases["CT3"].replace(gap=1.5, k_w=1e-4),
     "C4-stable": ngspring.cases["C4"].with_offsets(imperfection=0.2),
