@@ -44,4 +44,7 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
     if reason:
         click.echo(f"ngspring: warning: {reason}", err=True)
     message = "; ".join(r.message for r in responses.values() if r.message)
-    return incomplete(message) if None in forces else OK
+    # A point with an imperfection is on no curve.
+    points = design.problem.control_points
+    on_curves = [q for q, point in zip(forces, points, strict=True) if not point.eta_odd]
+    return incomplete(message) if None in on_curves else OK

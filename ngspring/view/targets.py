@@ -12,6 +12,8 @@ from ngspring.view.text import deviation_percent
 
 #: A force for each control point; None where it is not known or not reached.
 Forces = Sequence[float | None]
+#: In place of a force that nothing was computed for.
+NOWHERE = "–"
 
 
 def targets_table(
@@ -35,7 +37,7 @@ def targets_table(
     solid : Forces, optional
         Of the solid, by real contact: the deviation is its.
     missing : str
-        In place of a force that is None.
+        In place of a force that is None, unless the point has an imperfection: it is on no curve.
     mark : str
         Behind the name of a column that is only as it was stored.
     """
@@ -44,7 +46,7 @@ def targets_table(
     first = "d [mm]", "η", "target q [N]"
     if solid is None and all(point.aim is None for point in points):
         rows = [
-            (*_place(point), *_reached(q, point.q, missing))
+            (*_place(point), *_reached(q, point.q, _if_none(point, missing)))
             for point, q in zip(points, forces, strict=True)
         ]
         return (*first, f"reached q [N]{mark}", f"deviation{mark}"), rows
@@ -54,8 +56,8 @@ def targets_table(
         (
             *_place(point),
             significant(point.q_star, 5),
-            _reached(q, point.q_star, missing)[0],
-            *_reached(in_solid, point.q, "–"),
+            _reached(q, point.q_star, _if_none(point, missing))[0],
+            *_reached(in_solid, point.q, NOWHERE),
         )
         for point, q, in_solid in zip(points, forces, found, strict=True)
     ]
@@ -64,6 +66,10 @@ def targets_table(
 
 def _place(point: ControlPoint) -> tuple[str, str, str]:
     return f"{point.d:g}", point.eta_text, f"{point.q:g}"
+
+
+def _if_none(point: ControlPoint, missing: str) -> str:
+    return NOWHERE if point.eta_odd else missing
 
 
 def _reached(q: float | None, target: float, missing: str) -> tuple[str, str]:

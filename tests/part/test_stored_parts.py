@@ -55,6 +55,16 @@ def test_commands_find_a_part_by_its_name(tmp_path: Path, monkeypatch: pytest.Mo
     assert Path("C4-part.png").exists()
 
 
+def test_a_point_with_an_imperfection_is_not_shown_as_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    output = invoke("show", "C4-stable-part").output
+    assert "±1.6 xy" in output
+    assert "not reached" not in output
+    assert "incomplete" not in output
+
+
 @pytest.mark.long
 def test_a_part_that_does_not_buckle_is_confirmed() -> None:
     """Its control point with an imperfection is on no curve, so none is missed there."""
