@@ -236,8 +236,8 @@ def parts_table() -> str:
     rows = []
     for name in names():
         of_case = [part for part, found in stored.items() if found["case"] == name]
-        for part in of_case[:1]:
-            rows.append(part_row(name, stored[part]["before"]))
+        if of_case:
+            rows.append(part_row(name, stored[of_case[0]]["before"]))
         rows += [part_row(f"{part}{PART}", stored[part]["after"]) for part in of_case]
     header = (
         "design", "solid from its targets", "symmetric path", "stretch of a thousandth",

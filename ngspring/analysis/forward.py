@@ -160,8 +160,8 @@ def control_point_responses(
     """
     wanted: dict[float, set[float]] = {0.0: {0.0, *further}}
     for point in design.problem.control_points:
-        if point.eta_odd:
-            continue  # its state has other symmetries than these curves
+        if not point.on_curves:
+            continue
         wanted.setdefault(point.eta, set()).add(point.d)
     return {
         eta: load_displacement(design, sorted(targets), domain, eta=eta, threads=threads)

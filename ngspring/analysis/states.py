@@ -129,7 +129,7 @@ def endings(named: Mapping[str, Ended]) -> str:
 
 def control_places(curve: Curve, problem: SpringProblem, eta: float) -> list[int]:
     """Places in a curve of the control points with this offset, as far as they were reached."""
-    points = [p for p in problem.control_points if p.eta == eta and not p.eta_odd]
+    points = [p for p in problem.control_points if p.eta == eta and p.on_curves]
     found = [index_of(curve, point.d) for point in points]
     return [place for place in found if place is not None]
 
@@ -145,11 +145,8 @@ def at_control_points(
 
 
 def reached(responses: Responses, point: ControlPoint) -> float | None:
-    """Reaction force in N at a control point; None if it was not reached.
-
-    Curves are those of designs without imperfections.
-    """
-    response = None if point.eta_odd else by_offset(responses).get(point.eta)
+    """Reaction force in N at a control point; None if it was not reached, or is on no curve."""
+    response = by_offset(responses).get(point.eta) if point.on_curves else None
     index = None if response is None else index_of(response, point.d)
     return None if response is None or index is None else float(response.q[index])
 

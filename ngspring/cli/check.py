@@ -102,14 +102,11 @@ def check_command(
 
 
 def _has_forces(stored: Stored, points: Sequence[ControlPoint], q: FloatArray) -> bool:
-    """Whether a stored load path has these forces at the control points.
-
-    Those with an imperfection are on none: curves are of designs without.
-    """
+    """Whether a stored load path has these forces at the control points that are on curves."""
     found = [
         (reached(stored, point), own)
         for point, own in zip(points, q, strict=True)
-        if not point.eta_odd
+        if point.on_curves
     ]
     return all(
         force is not None and abs(force - own) <= _SAME_FORCE * float(np.abs(q).max())

@@ -34,7 +34,8 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
     for line in design_lines(design):
         click.echo(line)
     responses = responses_of(design, path.parent, threads)
-    forces = [reached(responses, point) for point in design.problem.control_points]
+    points = design.problem.control_points
+    forces = [reached(responses, point) for point in points]
     make_console().print(points_table(design, forces))
     curve = responses[0.0]
     if write_pictures({picture: lambda: design_figure(design, responses, curve)}):
@@ -44,7 +45,5 @@ def show_command(name: str, out: Path | None, threads: int | None) -> int:
     if reason:
         click.echo(f"ngspring: warning: {reason}", err=True)
     message = "; ".join(r.message for r in responses.values() if r.message)
-    # A point with an imperfection is on no curve.
-    points = design.problem.control_points
-    on_curves = [q for q, point in zip(forces, points, strict=True) if not point.eta_odd]
+    on_curves = [q for q, point in zip(forces, points, strict=True) if point.on_curves]
     return incomplete(message) if None in on_curves else OK

@@ -69,6 +69,14 @@ class ControlPoint:
         return not self.eta and not self.eta_odd
 
     @property
+    def on_curves(self) -> bool:
+        """Whether its state is one of a load-displacement curve.
+
+        One with an imperfection has other symmetries than what curves are computed with.
+        """
+        return not self.eta_odd
+
+    @property
     def offset(self) -> Offset:
         """What is added to chi."""
         return Offset(self.eta, self.eta_odd, self.odd_in)

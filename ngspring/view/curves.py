@@ -106,7 +106,7 @@ def draw_named_points(axes: Axes, name: str, points: Sequence[ControlPoint]) -> 
 def control_points_by_kind(problem: SpringProblem) -> tuple[list[ControlPoint], list[ControlPoint]]:
     """Control points of the blueprint design, and those with an offset of chi."""
     plain = [point for point in problem.control_points if point.own]
-    return plain, [point for point in problem.control_points if point.eta and not point.eta_odd]
+    return plain, [point for point in problem.control_points if point.eta and point.on_curves]
 
 
 def curves_figure(designs: Mapping[str, Design | None], responses: Mapping[str, Curve]) -> Figure:

@@ -181,7 +181,7 @@ def _state_panels(
 ) -> list[Panel]:
     """The undeformed design, then its states at some control points."""
     panels = [Panel(f"{picture_text(name)}\n{ratio_text(design)}", design)]
-    points = [point for point in points if not point.eta_odd]
+    points = [point for point in points if point.on_curves]
     for point, in_solid in zip(points, _solid_texts(design, points), strict=True):
         response = by_offset(responses).get(point.eta)
         index = None if response is None else index_of(response, point.d)

@@ -37,7 +37,7 @@ def targets_table(
     solid : Forces, optional
         Of the solid, by real contact: the deviation is its.
     missing : str
-        In place of a force that is None, unless the point has an imperfection: it is on no curve.
+        In place of a force that is None, unless the point is on no curve.
     mark : str
         Behind the name of a column that is only as it was stored.
     """
@@ -69,7 +69,7 @@ def _place(point: ControlPoint) -> tuple[str, str, str]:
 
 
 def _if_none(point: ControlPoint, missing: str) -> str:
-    return NOWHERE if point.eta_odd else missing
+    return missing if point.on_curves else NOWHERE
 
 
 def _reached(q: float | None, target: float, missing: str) -> tuple[str, str]:
