@@ -10,6 +10,7 @@ exact saddle point. Nothing is written here: see `ngspring.optimize`.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import logging
@@ -35,6 +36,7 @@ from ngspring.design.history import History, Row, stages
 from ngspring.evolution.branches import on_same_branch, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.climb import carried
+from ngspring.evolution.continuation import FollowSteps, followed, moved_points
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
 from ngspring.evolution.rows import row_of
@@ -48,6 +50,7 @@ from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
+from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -55,6 +58,8 @@ logger = logging.getLogger(__name__)
 
 #: Returns to the path from rest before a run gives up, and dt after each (times `time_unit`).
 RETURNS, DT_RETURN = 3, 1e4
+#: How a stationary point is followed to corrected targets: mostly it is no step too far.
+AT_ONCE = FollowSteps(first=1.0, largest=1.0)
 
 
 class Evolution:
@@ -230,7 +235,8 @@ class Evolution:
     def correct(self, aims: Sequence[float]) -> Update:
         """Go on from the stationary design with other forces asked of the third medium.
 
-        The stationary point for these is tried at once; where it is too far, the design evolves.
+        The stationary point is followed while the targets move; where its branch ends, the design
+        evolves.
 
         Parameters
         ----------
@@ -285,9 +291,10 @@ class Evolution:
         assert stepper is not None
         end = stepper.rule.end * self._unit
         dt = np.inf if self._dt > end else self._dt
-        outcome = stepper.update(self._past(), dt)
         if np.isinf(dt) and len(self._on_this_stage()) == 1:
-            outcome = on_same_branch(self._standing_on, self._state, outcome)
+            outcome = self._at_once(stepper)
+        else:
+            outcome = stepper.update(self._past(), dt)
         if not outcome.converged:
             return self._reject(stepper, outcome, dt, end)
         if np.isinf(dt):
@@ -299,6 +306,25 @@ class Evolution:
             if rest is not None:
                 return self._return_to(rest)
         return self._accept(stepper, outcome, dt)
+
+    def _at_once(self, stepper: Stepper) -> NewtonResult:
+        """The end without an evolution: of a correction, followed from the targets before."""
+        system = self._standing_on
+        if not self._found or not self._correction:
+            return on_same_branch(system, self._state, stepper.update(self._past(), np.inf))
+        (here,) = self._rungs
+        before = with_aims(here, self._found[-1].aims)
+
+        def way(share: float) -> tuple[ControlPoint, ...]:
+            return moved_points(before, here, share)
+
+        system.retarget(before.control_points)
+        outcome, last = followed(system, way, state_near(system, self._state), AT_ONCE)
+        if not outcome.converged and last is not None:
+            # As far as the branch goes is nearer than where it began.
+            with contextlib.suppress(ConvergenceError):
+                self._state = self._previous = state_near(system, last)
+        return outcome
 
     def _accept(self, stepper: Stepper, outcome: NewtonResult, dt: float) -> Update:
         self._previous, self._dt_previous = self._state, dt

@@ -13,7 +13,8 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.checks import shown
 from ngspring.basics.errors import ProblemError
 from ngspring.design.design import Design
-from ngspring.evolution.follow import Following, FollowSteps, Reached
+from ngspring.evolution.continuation import FollowSteps
+from ngspring.evolution.follow import Following, Reached
 from ngspring.evolution.updates import Observer
 from ngspring.fem.process import parallel
 from ngspring.problem.point import worst_deviation

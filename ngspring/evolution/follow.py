@@ -1,38 +1,29 @@
 """From one stationary design to its neighbour: the stationary point followed while targets move.
 
-A finished design is a stationary point of C* for its targets. When these move a little, so does it:
-Newton's method without transient term, from a guess extrapolated over the last points, finds the
-next one in a few iterations. That goes on until the branch of stationary points folds back (it is
-no minimum of C any more, or there is none nearby); from there the evolution takes over, with dt
-that begins large.
+A finished design is a stationary point of C* for its targets, which is followed
+(`ngspring.evolution.continuation`) until its branch folds back; from there the evolution takes
+over, with dt that begins large.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import logging
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.interpolate import barycentric_interpolate
 
-from ngspring.basics.checks import shown
 from ngspring.basics.errors import ConvergenceError, ProblemError
 from ngspring.design.design import Design
 from ngspring.design.history import History, Row
-from ngspring.evolution.branches import on_same_branch, path_from_rest
+from ngspring.evolution.branches import path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.continuation import Continuation, FollowSteps, moved_points
 from ngspring.evolution.evolve import evolve
 from ngspring.evolution.ladder import NO_LADDER
 from ngspring.evolution.rows import row_of
-from ngspring.evolution.stepping import polished
 from ngspring.evolution.updates import Observer, Result, Update
 from ngspring.fem.process import parallel
-from ngspring.kkt.elimination import Elimination
-from ngspring.kkt.newton import EXACT, NewtonResult, solve_update
 from ngspring.kkt.start import initial_state
 from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
@@ -40,84 +31,6 @@ from ngspring.kkt.system import CoupledSystem
 from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
-
-logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class FollowSteps:
-    """How far the targets move between two stationary points, as shares of the whole way.
-
-    Parameters
-    ----------
-    first, smallest, largest : float
-        Below the smallest step the branch is taken to have ended.
-    few, many : int
-        After fewer iterations the next step is longer; more are a failed step.
-    growth, shrink : float
-        By which factors.
-    points : int
-        Points of the way that the guess is extrapolated over.
-    dt : float
-        First dt of the evolution beyond a fold, in units of `time_unit`.
-    """
-
-    first: float = 0.1
-    smallest: float = 0.01
-    largest: float = 0.5
-    few: int = 5
-    many: int = 8
-    growth: float = 1.5
-    shrink: float = 3.0
-    points: int = 3
-    dt: float = 1e6
-
-
-def moved_points(
-    start: SpringProblem, goal: SpringProblem, share: float
-) -> tuple[ControlPoint, ...]:
-    """Control points on the straight way from one problem's to another's, pair by pair.
-
-    Raises
-    ------
-    ProblemError
-        If there is no such way: the problems differ in more than their control points, or have
-        different numbers of them.
-    """
-    pairs = list(zip(start.control_points, goal.control_points, strict=False))
-    count, wanted = len(start.control_points), len(goal.control_points)
-    if count != wanted:
-        raise ProblemError(f"{count} control points cannot become {wanted}: as many are needed")
-    for field in dataclasses.fields(start):
-        here, there = (getattr(problem, field.name) for problem in (start, goal))
-        if field.name not in ("name", "control_points") and here != there:
-            raise ProblemError(
-                f"{field.name} = {shown(there)} instead of {shown(here)}: only control points can"
-                " move, all else must be as in the design"
-            )
-    for here, there in pairs:
-        if here.d * there.d <= 0:
-            raise ProblemError(
-                f"a control point cannot move from d = {here.d:g} to {there.d:g} mm, through 0"
-            )
-        if (here.eta_odd or there.eta_odd) and here.odd_in != there.odd_in:
-            raise ProblemError(
-                f"an imperfection in {there.odd_in} instead of {here.odd_in} cannot be followed to"
-            )
-
-    def between(a: ControlPoint, b: ControlPoint, name: str) -> float:
-        return float((1 - share) * getattr(a, name) + share * getattr(b, name))
-
-    def moved(a: ControlPoint, b: ControlPoint) -> ControlPoint:
-        end = b if share else a
-        plain = share in (0.0, 1.0) or a.aim == b.aim
-        changes: dict[str, Any] = {
-            name: between(a, b, name) for name in ("d", "q", "weight", "eta", "eta_odd")
-        }
-        changes["aim"] = end.aim if plain else between(a, b, "q_star")
-        return dataclasses.replace(end, **changes)
-
-    return tuple(moved(a, b) for a, b in pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,17 +59,11 @@ class Following:
 
     Attributes
     ----------
-    share : float
-        How much of the way lies behind.
     state : State
-        The stationary point there.
+        The stationary point reached so far.
     rows : list of Row
         One for each stationary point so far.
-    folded : bool
-        Whether the branch has ended here.
     """
-
-    state: State
 
     def __init__(
         self, design: Design, goal: SpringProblem, steps: FollowSteps, solver: str, threads: int
@@ -166,28 +73,32 @@ class Following:
         self._clock = time.perf_counter()
         self._solver, self._threads = solver, threads
         self._system = CoupledSystem(design.problem, solver, threads)
-        self._elimination = Elimination(self._system)
-        self._newton = dataclasses.replace(EXACT, max_iterations=steps.many)
-        self.share, self.folded = 0.0, False
-        self._known: list[tuple[float, State]] = []
         self.rows: list[Row] = []
-        self._step = steps.first
-        self._rejected = self._rejected_iterations = 0
         state = initial_state(self._system, design)
-        outcome = self._solved(state, 0.0)
+        self._branch = Continuation(self._system, self._way, state, steps)
+        outcome = self._branch.settled()
         if not outcome.converged:
             raise ProblemError(
                 f"{design.problem.name or 'the design'} is no stationary point to follow"
                 f" ({outcome.reason}): finish it first"
             )
-        self._accept(polished(self._system, outcome), 0.0)
+        self._branch.begin(outcome.state, 0.0)
+        self.rows.append(self._row(np.inf, outcome.iterations))
+
+    def _way(self, share: float) -> tuple[ControlPoint, ...]:
+        return moved_points(self._start, self._goal, share)
+
+    @property
+    def state(self) -> State:
+        """The stationary point reached so far."""
+        return self._branch.state
 
     @property
     def problem(self) -> SpringProblem:
         """The problem whose stationary point `state` is."""
-        name = self._goal.name if self.share == 1.0 else self._start.name
-        points = moved_points(self._start, self._goal, self.share)
-        return self._start.replace(control_points=points, name=name)
+        share = self._branch.share
+        name = self._goal.name if share == 1.0 else self._start.name
+        return self._start.replace(control_points=self._way(share), name=name)
 
     @property
     def design(self) -> Design:
@@ -213,7 +124,7 @@ class Following:
                 update = Update(True, row, row.dt, "", self.design)
                 for observer in observers:
                     observer(update)
-        if self.share == share and not self._leaves_path_from_rest():
+        if self._branch.share == share and not self._leaves_path_from_rest():
             return Reached(share, self.design, evolved=False)
         message = self.evolve(share, observers)
         return Reached(share, self.design, evolved=True, message=message)
@@ -224,37 +135,23 @@ class Following:
             rest = path_from_rest(self._system, self.state)
         except ConvergenceError:
             return True
-        self.state = self.state if rest is None else rest
+        if rest is not None:
+            self._branch.begin(rest, self._branch.share)
         return rest is not None
 
     def towards(self, share: float) -> Iterator[Row]:
         """Go on to a share of the way, or until the branch ends; a row for every point."""
-        while self.share < share and not self.folded:
-            ahead = min(share, self.share + self._step)
-            # What would be left is no step of its own.
-            ahead = share if share - ahead < self._steps.smallest else ahead
-            outcome = self._solved(self._guess(ahead), ahead)
-            if outcome.converged and ahead == share:
-                outcome = polished(self._system, outcome)
-            outcome = on_same_branch(self._system, self.state, outcome)
+        branch = self._branch
+        while branch.share < share and not branch.folded:
+            rejected, in_vain = branch.rejected, branch.rejected_iterations
+            outcome = branch.advance(share)
             if outcome.converged:
-                tried = ahead - self.share
-                self._accept(outcome, ahead)
-                easy = outcome.iterations < self._steps.few
-                grown = max(tried, self._step) * (self._steps.growth if easy else 1.0)
-                self._step = min(grown, self._steps.largest)
+                self.rows.append(self._row(np.inf, outcome.iterations, rejected, in_vain))
                 yield self.rows[-1]
-                continue
-            self._rejected += 1
-            self._rejected_iterations += outcome.iterations
-            self._step = (ahead - self.share) / self._steps.shrink
-            self.folded = self._step < self._steps.smallest
-        if self.folded:
-            logger.info("the branch of stationary points ends at %.3f of the way", self.share)
 
     def evolve(self, share: float, observers: Sequence[Observer] = ()) -> str:
         """Go on to a share of the way by the evolution; why it failed, or nothing."""
-        self.share = share
+        self._branch.begin(self.state, share)
         problem = self.problem
         self._system.retarget(problem.control_points)
         self.rows.append(self._row(0.0, 0))
@@ -271,40 +168,16 @@ class Following:
             for observer in observers:
                 observer(update)
         self.rows = evolution.history.rows()
-        self.state = evolution.checkpoint.state
-        self._known = [(share, self.state)]
-        self._step, self.folded = self._steps.first, False
-        self._rejected = self._rejected_iterations = 0
+        self._branch.begin(evolution.checkpoint.state, share)
         return evolution.message
 
-    def _solved(self, guess: State, share: float) -> NewtonResult:
-        self._system.retarget(moved_points(self._start, self._goal, share))
-        return solve_update(self._system, guess, guess.chi, np.inf, self._newton, self._elimination)
-
-    def _guess(self, share: float) -> State:
-        """The state extrapolated over the last points of the way."""
-        shares, states = zip(*self._known[-self._steps.points :], strict=True)
-        if len(shares) == 1:
-            return self.state
-        parts = []
-        for name in ("chi", "u", "lam"):
-            values = np.array([getattr(state, name) for state in states])
-            parts.append(np.asarray(barycentric_interpolate(shares, values, share)))
-        return State(*parts)
-
-    def _accept(self, outcome: NewtonResult, share: float) -> None:
-        self.share, self.state = share, outcome.state
-        self._known = [*self._known[-self._steps.points :], (share, outcome.state)]
-        self.rows.append(self._row(np.inf, outcome.iterations))
-        self._rejected = self._rejected_iterations = 0
-
-    def _row(self, dt: float, iterations: int) -> Row:
+    def _row(self, dt: float, iterations: int, rejected: int = 0, in_vain: int = 0) -> Row:
         effort = {
             "update": len(self.rows),
             "dt": dt,
             "newton_iterations": iterations,
-            "rejected": self._rejected,
-            "rejected_iterations": self._rejected_iterations,
+            "rejected": rejected,
+            "rejected_iterations": in_vain,
             "seconds": time.perf_counter() - self._clock,
         }
         return row_of(self._system, self.state, effort)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 from ngspring.basics.errors import ProblemError
@@ -48,7 +49,9 @@ def realise(
     Parameters
     ----------
     problem, initial, dt_initial, max_updates, out, observers
-        See `ngspring.optimize`. A finished design or part for the same targets is taken as it is.
+        See `ngspring.optimize`. A finished design or part for the same targets is taken as it is;
+        without ``dt_initial`` so is one for other forces at the same displacements, which is
+        followed from those to these.
     settings : PartSettings, optional
         Tolerance, and how many corrections are tried.
     resume, threads, solver, rule, newton, start_name, ladder, timings
@@ -74,7 +77,7 @@ def realise(
     if not of_part(problem.control_points):
         raise ProblemError("a part needs a control point without an offset eta")
     timings = timings or Timings()
-    finished = _finished(initial, problem)
+    finished = _finished(initial, problem, others=dt_initial is None)
     if dt_initial is None and finished is not None:
         # It is stationary already: the end is tried at once.
         dt_initial = 10 * StepRule().end * time_unit(problem)
@@ -96,9 +99,16 @@ def realise(
     return carried_out(realisation, problem, max_updates, out, observers, resume, timings)
 
 
-def _finished(initial: Start | None, problem: SpringProblem) -> Design | None:
-    """The start, if it is a finished design for the same targets, corrected or not."""
+def _finished(initial: Start | None, problem: SpringProblem, others: bool) -> Design | None:
+    """The start, if it is a finished design for the same targets, corrected or not.
+
+    Or for ``others`` at the same displacements.
+    """
     if not isinstance(initial, Design) or not initial.info.get("converged"):
         return None
-    same = without_aims(initial.problem).equals_but_for_name(without_aims(problem))
-    return initial if same else None
+    own = without_aims(initial.problem)
+    if others and len(own.control_points) == len(problem.control_points):
+        pairs = zip(own.control_points, problem.control_points, strict=True)
+        points = [dataclasses.replace(here, q=there.q, aim=None) for here, there in pairs]
+        own = own.replace(control_points=points)
+    return initial if own.equals_but_for_name(without_aims(problem)) else None

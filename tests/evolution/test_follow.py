@@ -14,8 +14,8 @@ from click.testing import CliRunner
 import ngspring
 from ngspring import ControlPoint, Design, NgspringError, ProblemError, SpringProblem
 from ngspring.cli.main import cli
+from ngspring.evolution.continuation import FollowSteps, moved_points
 from ngspring.evolution.family import family_members
-from ngspring.evolution.follow import FollowSteps, moved_points
 from ngspring.view.family import family_figure
 
 SMALL = ngspring.cases["C4"].replace(elements=8, l_i=10.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ import ngspring
 from ngspring import ControlPoint, Design, PartSettings, ProblemError, Result, SpringProblem, Update
 from ngspring.design.corrections import MISSED, corrections_of
 from ngspring.design.soundness import flaw
+from ngspring.evolution import evolve
 from ngspring.evolution.checkpoint import Checkpoint
+from ngspring.evolution.continuation import FollowSteps
 from ngspring.evolution.folder import CHECKPOINT, DESIGN
 from ngspring.view.report import report_page
 
@@ -144,35 +147,80 @@ def uninterrupted() -> Result:
     return ngspring.realise(ONE, settings=SETTINGS, threads=1)
 
 
+#: A branch of stationary points that ends at once: corrections have to evolve.
+ENDS = FollowSteps(first=1.0, largest=1.0, smallest=1.0, many=1)
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("where", ["in a correction", "before the solid", "after the solid"])
+@pytest.mark.parametrize("where", ["before a correction", "before the solid", "after the solid"])
 def test_a_run_that_was_left_anywhere_ends_in_the_same_part(
     tmp_path: Path, uninterrupted: Result, where: str
 ) -> None:
     def leave(update: Update) -> None:
-        solid = update.correction is not None
-        in_second = update.row.correction == 1
-        ends = update.row.is_end and in_second
-        if (
-            (where == "in a correction" and in_second and 0 < update.row.dt < 1e9)
-            or (where == "before the solid" and ends and not solid)
-            or (where == "after the solid" and ends and solid)
-        ):
+        if update.row.correction != 1:
+            return
+        solid, ends = update.correction is not None, update.row.is_end
+        places = {
+            "before a correction": update.row.dt == 0.0,
+            "before the solid": ends and not solid,
+            "after the solid": ends and solid,
+        }
+        if places[where]:
             raise LeftError
 
-    out = tmp_path / "run"
+    is_left_and_ends_as(uninterrupted, leave, tmp_path / "run")
+
+
+@pytest.mark.long
+def test_a_correction_whose_branch_ends_evolves_and_may_be_left(
+    tmp_path: Path, uninterrupted: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def leave(update: Update) -> None:
+        if update.row.correction == 1 and 0 < update.row.dt < 1e9:
+            raise LeftError
+
+    monkeypatch.setattr(evolve, "AT_ONCE", ENDS)
+    evolved = ngspring.realise(ONE, settings=SETTINGS, threads=1)
+    is_left_and_ends_as(evolved, leave, tmp_path / "run")
+    # The way does not matter: the stationary point is the one that is followed to otherwise.
+    np.testing.assert_allclose(
+        evolved.design.coefficients, uninterrupted.design.coefficients, atol=1e-5
+    )
+    assert evolved.history.newton_iterations > uninterrupted.history.newton_iterations
+
+
+def is_left_and_ends_as(whole: Result, leave: Callable[[Update], None], out: Path) -> None:
+    """A run that is left by an observer and resumed is the one that was not."""
     with pytest.raises(LeftError):
         ngspring.realise(ONE, out=out, settings=SETTINGS, observers=[leave], threads=1)
     assert Checkpoint.load(out / CHECKPOINT).history.last().correction >= 1
     again = ngspring.realise(ONE, out=out, settings=SETTINGS, resume=True, threads=1)
     assert again.message == ""
     for one, other in zip(
-        corrections_of(again.design.info), corrections_of(uninterrupted.design.info), strict=True
+        corrections_of(again.design.info), corrections_of(whole.design.info), strict=True
     ):
         np.testing.assert_allclose([*one.aims, *one.solid], [*other.aims, *other.solid], rtol=1e-9)
-    difference = again.design.coefficients - uninterrupted.design.coefficients
+    difference = again.design.coefficients - whole.design.coefficients
     np.testing.assert_allclose(difference, 0.0, atol=1e-7)
-    assert len(again.history) == len(uninterrupted.history)
+    assert len(again.history) == len(whole.history)
+
+
+@pytest.mark.long
+def test_a_finished_part_leads_to_that_for_other_forces_without_an_evolution(whole: Result) -> None:
+    points = [ControlPoint(p.d, 1.02 * p.q) for p in PROBLEM.control_points]
+    goal = PROBLEM.replace(control_points=points)
+    result = ngspring.realise(goal, whole.design, settings=SETTINGS, threads=1)
+    assert result.message == ""
+    first = corrections_of(result.design.info)[0]
+    # It begins as the part that it was ...
+    assert first.aims == corrections_of(whole.design.info)[-1].aims
+    np.testing.assert_allclose(first.solid, whole.design.solid, rtol=1e-6)
+    # ... and every design is a stationary point followed to: dt is 0 or infinite.
+    assert not any(0.0 < row.dt < np.inf for row in result.history.rows())
+    np.testing.assert_allclose(solid_curve(result.design), [2.04, -2.04], rtol=0.01)
+    # With a dt it is a start like others.
+    evolved = ngspring.realise(goal, whole.design, 1e8, 1, settings=SETTINGS, threads=1)
+    assert 0.0 < evolved.history.rows()[1].dt < np.inf
 
 
 @pytest.mark.long
