@@ -131,7 +131,7 @@ class _Board:
             table.add_row(
                 name,
                 str(row.update),
-                f"{event.update.dt:.1e}" + ("" if event.update.accepted else " rejected"),
+                f"{event.update.dt:.1e}" + (" rejected" if event.update.rejected else ""),
                 str(row.newton_iterations),
                 f"{row.C:.4e}",
                 f"{row.width:.4f}",

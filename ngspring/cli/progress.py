@@ -30,7 +30,9 @@ News = TypeVar("News", contravariant=True)
 
 def plain_line(update: Update, problem: SpringProblem) -> str:
     """One line about one design update."""
-    if not update.accepted:
+    if update.followed is not None:
+        return f"followed    {followed_text(update.followed)}"
+    if update.rejected:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
     if update.correction is not None:
@@ -47,6 +49,11 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
         f"  {width_symbol(problem)} {row.width:.4f}  q/target {forces}"
         f"  {row.seconds:.1f} s"
     )
+
+
+def followed_text(share: float) -> str:
+    """How far the way to corrected targets is gone."""
+    return f"{100 * share:.0f} % of the way to the corrected targets"
 
 
 def solid_line(correction: Correction, number: int, problem: SpringProblem) -> str:
@@ -69,19 +76,21 @@ class LiveTable:
         self._points = problem.control_points
         self._solid = ""
         self._shown = time.monotonic()
-        self._rejected = ""
+        self._caption = ""
 
     def __call__(self, update: Update) -> None:
         """Take in a design update."""
         self._shown = time.monotonic()
         if update.accepted:
-            self._row, self._rejected = update.row, ""
+            self._row, self._caption = update.row, ""
             self._points = update.design.problem.control_points
             if update.correction is not None:
                 worst = update.correction.worst(self._points)
                 self._solid = signed_percent(worst, 2)
+        elif update.followed is not None:
+            self._caption = followed_text(update.followed)
         else:
-            self._rejected = f"dt {update.dt:.1e} rejected: {update.reason}"
+            self._caption = f"dt {update.dt:.1e} rejected: {update.reason}"
 
     def __rich__(self) -> Table:
         row, problem = self._row, self._problem
@@ -108,8 +117,8 @@ class LiveTable:
             name, asked = f"q [N] at {point_label(point)}", point.q_star
             table.add_row(name, significant(q, 5), f"{asked:.5g}", deviation_percent(q, asked))
         table.add_row("elapsed", duration(row.seconds + since))
-        if self._rejected:
-            table.caption = self._rejected
+        if self._caption:
+            table.caption = self._caption
         return table
 
 

@@ -107,7 +107,7 @@ def benchmark_run(
     rejected: list[Update] = []
 
     def keep_rejected(update: Update) -> None:
-        if not update.accepted:
+        if update.rejected:
             rejected.append(update)
 
     start = time.perf_counter()

@@ -133,12 +133,15 @@ class Continuation:
         Whether the branch has ended here.
     rejected, rejected_iterations : int
         Attempts since the last stationary point, and their Newton iterations.
+    iterations : int
+        Newton iterations of all steps.
     """
 
     def __init__(self, system: CoupledSystem, way: Way, state: State, steps: FollowSteps) -> None:
         self._system, self._way, self._steps = system, way, steps
         self._elimination = Elimination(system)
         self._newton = dataclasses.replace(EXACT, max_iterations=steps.many)
+        self.iterations = 0
         self.begin(state, 0.0)
 
     def begin(self, state: State, share: float) -> None:
@@ -163,6 +166,7 @@ class Continuation:
         if outcome.converged and ahead == end:
             outcome = polished(self._system, outcome)
         outcome = on_same_branch(self._system, self.state, outcome)
+        self.iterations += outcome.iterations
         if outcome.converged:
             self._accept(outcome, ahead)
         else:
@@ -200,29 +204,3 @@ class Continuation:
             values = np.array([getattr(state, name) for state in states])
             parts.append(np.asarray(barycentric_interpolate(shares, values, share)))
         return State(*parts)
-
-
-def followed(
-    system: CoupledSystem, way: Way, state: State, steps: FollowSteps
-) -> tuple[NewtonResult, State | None]:
-    """The whole way at once; the system is left with the control points of its end.
-
-    Parameters
-    ----------
-    system, way, state, steps
-        See `Continuation`.
-
-    Returns
-    -------
-    NewtonResult
-        Of the last step, with the iterations of all; not converged where the branch ends.
-    State or None
-        The stationary point that is the last one on the branch; None if nothing moved.
-    """
-    branch, iterations = Continuation(system, way, state, steps), 0
-    while branch.share < 1.0 and not branch.folded:
-        outcome = branch.advance(1.0)
-        iterations += outcome.iterations
-    system.retarget(way(1.0))
-    last = branch.state if branch.share > 0.0 else None
-    return dataclasses.replace(outcome, iterations=iterations), last

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import itertools
 import logging
 import time
@@ -36,7 +37,7 @@ from ngspring.design.history import History, Row, stages
 from ngspring.evolution.branches import on_same_branch, path_from_rest
 from ngspring.evolution.checkpoint import Checkpoint
 from ngspring.evolution.climb import carried
-from ngspring.evolution.continuation import FollowSteps, followed, moved_points
+from ngspring.evolution.continuation import Continuation, FollowSteps, moved_points
 from ngspring.evolution.ladder import Ladder
 from ngspring.evolution.leaps import make_stepper
 from ngspring.evolution.rows import row_of
@@ -50,7 +51,6 @@ from ngspring.kkt.state import State
 from ngspring.kkt.stationarity import grey_shares
 from ngspring.kkt.system import CoupledSystem
 from ngspring.kkt.timings import Timings
-from ngspring.problem.point import ControlPoint
 from ngspring.problem.scaling import time_unit
 from ngspring.problem.spring import SpringProblem
 
@@ -107,6 +107,7 @@ class Evolution:
         self._unit = time_unit(problem)
         self._system: CoupledSystem | None = None
         self._stepper: Stepper | None = None
+        self._branch: Continuation | None = None
         self._rows: list[Row] = []
         self._rejected = self._rejected_iterations = self._searches = 0
         self._given_up = False
@@ -143,7 +144,7 @@ class Evolution:
         self._correction = self._rows[-1].correction
         self._seconds = self._rows[-1].seconds
         self._forget_attempts()
-        self._given_up = False
+        self._given_up, self._branch = False, None
         self.checkpoint = checkpoint
         self.over, self.message = self._rows[-1].is_end, ""
         self._ended = {k: v for k, v in checkpoint.notes.items() if k != CORRECTIONS}
@@ -255,7 +256,7 @@ class Evolution:
                 self._make_system(count)
             self._standing_on.retarget(self._rungs[0].control_points)
             state = state_near(self._standing_on, self._state)
-        self._correction += 1
+        self._correction, self._branch = self._correction + 1, None
         self.over, self.message, self._ended = False, "", {}
         update = self._begin(state, np.inf)
         # What a failed try goes on with, see `_reject`.
@@ -291,10 +292,40 @@ class Evolution:
         assert stepper is not None
         end = stepper.rule.end * self._unit
         dt = np.inf if self._dt > end else self._dt
-        if np.isinf(dt) and len(self._on_this_stage()) == 1:
-            outcome = self._at_once(stepper)
-        else:
-            outcome = stepper.update(self._past(), dt)
+        first = np.isinf(dt) and len(self._on_this_stage()) == 1
+        if first and self._found and self._correction:
+            return self._follow(stepper, end)
+        outcome = stepper.update(self._past(), dt)
+        if first:
+            outcome = on_same_branch(self._standing_on, self._state, outcome)
+        return self._judge(stepper, outcome, dt, end)
+
+    def _follow(self, stepper: Stepper, end: float) -> Update | None:
+        """One step of the stationary point from the targets before to the corrected ones."""
+        system, (here,) = self._standing_on, self._rungs
+        if self._branch is None:
+            before = with_aims(here, self._found[-1].aims)
+            system.retarget(before.control_points)
+            state = state_near(system, self._state)
+            way = functools.partial(moved_points, before, here)
+            self._branch = Continuation(system, way, state, AT_ONCE)
+        branch = self._branch
+        outcome = branch.advance(1.0)
+        if branch.share < 1.0 and not branch.folded:
+            return dataclasses.replace(self._update(False, np.inf), followed=branch.share)
+        system.retarget(here.control_points)
+        if branch.folded and branch.share > 0.0:
+            # The end of the branch is nearer than where it began.
+            with contextlib.suppress(ConvergenceError):
+                self._state = self._previous = state_near(system, branch.state)
+        self._branch = None
+        outcome = dataclasses.replace(outcome, iterations=branch.iterations)
+        return self._judge(stepper, outcome, np.inf, end)
+
+    def _judge(
+        self, stepper: Stepper, outcome: NewtonResult, dt: float, end: float
+    ) -> Update | None:
+        """What has become of an update; None if the evolution has failed without one."""
         if not outcome.converged:
             return self._reject(stepper, outcome, dt, end)
         if np.isinf(dt):
@@ -306,25 +337,6 @@ class Evolution:
             if rest is not None:
                 return self._return_to(rest)
         return self._accept(stepper, outcome, dt)
-
-    def _at_once(self, stepper: Stepper) -> NewtonResult:
-        """The end without an evolution: of a correction, followed from the targets before."""
-        system = self._standing_on
-        if not self._found or not self._correction:
-            return on_same_branch(system, self._state, stepper.update(self._past(), np.inf))
-        (here,) = self._rungs
-        before = with_aims(here, self._found[-1].aims)
-
-        def way(share: float) -> tuple[ControlPoint, ...]:
-            return moved_points(before, here, share)
-
-        system.retarget(before.control_points)
-        outcome, last = followed(system, way, state_near(system, self._state), AT_ONCE)
-        if not outcome.converged and last is not None:
-            # As far as the branch goes is nearer than where it began.
-            with contextlib.suppress(ConvergenceError):
-                self._state = self._previous = state_near(system, last)
-        return outcome
 
     def _accept(self, stepper: Stepper, outcome: NewtonResult, dt: float) -> Update:
         self._previous, self._dt_previous = self._state, dt
@@ -437,7 +449,7 @@ class Evolution:
         row = self._rows[-1]
         if accepted:
             logger.info("update %d: dt %.1e, C %.6e", row.update, dt, row.C)
-        else:
+        elif reason:
             logger.info("dt %.1e rejected: %s", dt, reason)
         if accepted and not resumed:
             self.checkpoint = self._standing()

@@ -34,6 +34,9 @@ class Update:
         Whether it only tells where a resumed run stands.
     correction : Correction, optional
         What the solid of this stationary design carries, if that is the news (`ngspring.realise`).
+    followed : float, optional
+        Share of the way to corrected targets that the stationary point was followed over, if that
+        is the news; nothing is accepted before the end.
     """
 
     accepted: bool
@@ -44,6 +47,12 @@ class Update:
     checkpoint: Checkpoint | None = None
     resumed: bool = False
     correction: Correction | None = None
+    followed: float | None = None
+
+    @property
+    def rejected(self) -> bool:
+        """Whether an attempt has failed."""
+        return not self.accepted and self.followed is None
 
 
 #: Called after every accepted or rejected update.
