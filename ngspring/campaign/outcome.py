@@ -77,17 +77,19 @@ class Outcome:
             # Only a finished design is taken over from another start.
             message = f"begun from {start or 'an unknown start'}, not from {run.start_name}"
         history = design.history
+        reason = flaw(design) if status == CONVERGED else ""
         return cls(
             run,
             status,
-            message,
+            # A converged run that misses its targets as a part says so once.
+            "" if message == reason else message,
             start,
             tuple(design.solid or design.info.get("q", ())),
             design.relative_width,
             None if history is None else len(history) - 1,
             None if history is None else history.newton_iterations,
             None if history is None else history.last().seconds,
-            flaw(design) if status == CONVERGED else "",
+            reason,
         )
 
 

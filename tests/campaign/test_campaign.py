@@ -507,6 +507,14 @@ def test_a_worker_that_dies_again_and_again_is_given_up(
     assert "died 3 times without a design update: killed by SIGKILL" in outcome.message
 
 
+def test_why_a_part_misses_is_said_once() -> None:
+    part, missed = ngspring.parts["C4"], "after 9 corrections the best solid carries 1 N"
+    info = {**part.info, "start": "column", "missed": missed}
+    part = Design(part.problem, part.coefficients, part.history, info)
+    outcome = Outcome.of_design(Run("a", TINY, part=True), part, "converged", missed)
+    assert (outcome.message, outcome.flaw) == ("", missed)
+
+
 def test_points_with_eta_are_not_judged() -> None:
     points = (ControlPoint(10, 2), ControlPoint(20, 4, eta=2.0))
     run = Run("a", TINY.replace(control_points=points))
