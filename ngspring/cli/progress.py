@@ -31,7 +31,7 @@ News = TypeVar("News", contravariant=True)
 def plain_line(update: Update, problem: SpringProblem) -> str:
     """One line about one design update."""
     if update.followed is not None:
-        return f"followed    {followed_text(update.followed)}"
+        return f"followed    {followed_text(update)}"
     if update.rejected:
         return f"rejected    dt {update.dt:.1e}  {update.reason}"
     row = update.row
@@ -51,9 +51,11 @@ def plain_line(update: Update, problem: SpringProblem) -> str:
     )
 
 
-def followed_text(share: float) -> str:
-    """How far the way to corrected targets is gone."""
-    return f"{100 * share:.0f} % of the way to the corrected targets"
+def followed_text(update: Update) -> str:
+    """How far the way to corrected targets is gone, and why a step of it failed."""
+    share = 100 * (update.followed or 0.0)
+    failed = f"; a step of it failed: {update.reason}" if update.reason else ""
+    return f"{share:.0f} % of the way to the corrected targets{failed}"
 
 
 def solid_line(correction: Correction, number: int, problem: SpringProblem) -> str:
@@ -88,7 +90,7 @@ class LiveTable:
                 worst = update.correction.worst(self._points)
                 self._solid = signed_percent(worst, 2)
         elif update.followed is not None:
-            self._caption = followed_text(update.followed)
+            self._caption = followed_text(update)
         else:
             self._caption = f"dt {update.dt:.1e} rejected: {update.reason}"
 

@@ -312,7 +312,8 @@ class Evolution:
         branch = self._branch
         outcome = branch.advance(1.0)
         if branch.share < 1.0 and not branch.folded:
-            return dataclasses.replace(self._update(False, np.inf), followed=branch.share)
+            update = self._update(False, np.inf, outcome.reason)
+            return dataclasses.replace(update, followed=branch.share)
         system.retarget(here.control_points)
         if branch.folded and branch.share > 0.0:
             # The end of the branch is nearer than where it began.

@@ -24,7 +24,7 @@ class Update:
     dt : float
         Pseudo-time step that was tried.
     reason : str
-        Why a rejected update failed.
+        Why a rejected update failed, or a step of those that follow.
     design : Design
         The last accepted design.
     checkpoint : Checkpoint, optional

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -202,11 +203,15 @@ def test_a_correction_in_steps_tells_how_far_it_is_and_may_be_left_between_them(
             assert not update.accepted
             assert not update.rejected
             assert update.row.dt == 0.0
+            shorter = dataclasses.replace(update, reason="no convergence in 8 iterations")
+            lines.append(plain_line(shorter, ONE))
             raise LeftError
 
     monkeypatch.setattr(evolve, "AT_ONCE", FollowSteps(first=0.5, largest=0.5))
     is_left_and_ends_as(uninterrupted, leave, tmp_path / "run", history=False)
-    assert lines[-1] == "followed    50 % of the way to the corrected targets"
+    told = "followed    50 % of the way to the corrected targets"
+    failed = "; a step of it failed: no convergence in 8 iterations"
+    assert lines[-2:] == [told, told + failed]
 
 
 def is_left_and_ends_as(
