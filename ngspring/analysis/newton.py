@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -11,6 +11,12 @@ from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
 
 State = TypeVar("State")
+
+
+#: Of the decrease of the energy that a step promises, the least that it has to keep.
+_KEPT = 1e-4
+#: Part of the slope before a step from which on the energy rises too steeply behind it.
+_UPHILL = 0.5
 
 
 class NewtonError(ConvergenceError):
@@ -98,3 +104,33 @@ def newton(
         if converged(step):
             return u, state, iteration
     raise NewtonError(f"no convergence in {max_iterations} Newton iterations")
+
+
+def downhill(
+    length: float,
+    energies: Sequence[float],
+    slopes: Sequence[float],
+    rounding: float,
+    balanced: bool = False,
+) -> bool:
+    """Whether a step of a minimisation leads down.
+
+    Energies that differ by rounding do not tell a step that goes too far from one that does not;
+    forces do. Without asking them a point that rests in a flat kink of the energy, as a concave one
+    of a surface that it presses on, would be thrown from one side to the other for ever.
+
+    Parameters
+    ----------
+    length : float
+        The part of the update that the step makes.
+    energies, slopes : sequences of two floats
+        Before and behind the step; slopes along the whole update.
+    rounding : float
+        Of the energy.
+    balanced : bool
+        Whether forces behind the step are rounding.
+    """
+    (before, after), (fall, rise) = energies, slopes
+    if after > before + _KEPT * length * fall + rounding:
+        return False
+    return balanced or after < before - rounding or rise <= _UPHILL * abs(fall)

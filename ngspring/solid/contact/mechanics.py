@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ngspring.analysis.newton import NewtonError, Step, newton
+from ngspring.analysis.newton import NewtonError, Step, downhill, newton
 from ngspring.analysis.path import Steps, departure, extrapolated, stepped
 from ngspring.basics.arrays import FloatArray
 from ngspring.basics.errors import ConvergenceError
@@ -313,17 +313,20 @@ class ContactMechanics:
             way, blocked = self._free_way(self.full_field(d, u), self.full_field(d, u + update))
             return 0.9 * way if blocked else way
 
+        def balanced(state: _State) -> bool:
+            return state.imbalance <= self._tolerance(state, accuracy)
+
         def acceptable(step: Step[_State]) -> bool:
             before, after = step.before, step.after
             if not after.admissible:
                 return False
             if shift == 0.0 and after.imbalance <= _EASY * before.imbalance:
                 return True
-            slope = float(step.update @ before.force[:-1])
+            slopes = [float(step.update @ state.force[:-1]) for state in (before, after)]
             # Rounding of the energy must not stop the last steps.
             rounding = 1e-12 * abs(before.energy) + self._rounding
-            bound = before.energy + 1e-4 * step.length * slope + rounding
-            return after.energy <= bound
+            energies = before.energy, after.energy
+            return downhill(step.length, energies, slopes, rounding, balanced(after))
 
         norm = np.inf
 
@@ -335,7 +338,7 @@ class ContactMechanics:
             whole = step.length == 1.0 and shift == 0.0
             left = norm / max(step.before.imbalance, 1e-300) if whole else 1.0
             small = exact or step.size <= 100 * accuracy * self.size
-            return whole and small and norm <= self._tolerance(step.after, accuracy)
+            return whole and small and balanced(step.after)
 
         try:
             u, state, _ = newton(
