@@ -246,6 +246,40 @@ def parts_table() -> str:
     return table(header, rows)
 
 
+def imperfect_text(found: dict[str, Any]) -> str:
+    """What the full solid with its surfaces moved does, in a few words."""
+    furthest = found["largest_deviation"]
+    off = f"{100 * abs(furthest['relative']):.1f} % at {furthest['d']:g} mm"
+    snaps = " and ".join(f"{jump['d']:.2f}" for jump in found["jumps"])
+    ends = "" if found["complete"] else "; a path ends early"
+    return off + (f"; snaps at {snaps} mm" if snaps else "") + ends
+
+
+def stable_row(name: str, found: dict[str, Any], buckling: dict[str, Any] | None) -> Row:
+    after, width = found["after"], found["after"]["width"]
+    other = None if buckling is None else buckling["after"]["width"]
+    return (
+        f"{name}{PART}",
+        f"{after['stability']['lowest']:.3f}",
+        imperfect_text(after["imperfect"]),
+        f"{width:.4f}",
+        "-" if other is None else f"{other:.4f}",
+        "-" if other is None else percent(width / other - 1),
+    )
+
+
+def stable_table() -> str:
+    """Every part that was designed not to buckle, beside the one of its case that was not."""
+    stored = read("parts")
+    chosen = {name: found for name, found in stored.items() if "imperfect" in found["after"]}
+    rows = [stable_row(name, found, stored.get(found["case"])) for name, found in chosen.items()]
+    header = (
+        "part", "lowest eigenvalue", "imperfect solid off by", "W/H", "W/H of the one that buckles",
+        "material",
+    )  # fmt: skip
+    return table(header, rows)
+
+
 def unfinished(found: dict[str, Any]) -> str:
     return "" if found["converged"] else f"stopped after {found['updates']} updates"
 
@@ -363,6 +397,7 @@ def page() -> str:
     text = replaced(text, "growth", growth_lines())
     text = replaced(text, "stability", stability_table())
     text = replaced(text, "parts", parts_table())
+    text = replaced(text, "stable", stable_table())
     text = replaced(text, "limits", limits_table())
     text = replaced(text, "bands", bands_table())
     text = replaced(text, "walls", walls_table())

@@ -22,7 +22,9 @@ PARTS = sorted(ngspring.parts)
 #: and a spring from buckling.
 ASKED = {
     "CT3": ngspring.cases["CT3"].replace(gap=1.5, k_w=1e-4),
-    "C4-stable": ngspring.cases["C4"].with_offsets(imperfection=0.2),
+} | {
+    f"{case}-stable": ngspring.cases[case].with_offsets(imperfection=0.2)
+    for case in ("C2", "C3", "C4", "C5", "C6", "C7")
 }
 
 
